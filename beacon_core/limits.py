@@ -1,0 +1,102 @@
+"""Every cap in the core: which flood it stops, why this number, and who else chose it.
+
+Lengths count bytes of UTF-8, as on the wire.
+"""
+
+from __future__ import annotations
+
+import attrs
+
+from beacon_core.hint import BeaconHint
+
+__all__ = [
+    "DEFAULT_LIMITS",
+    "HINT_OVERHEAD_BYTES",
+    "MAX_CLAIMS",
+    "MAX_HINTS",
+    "MAX_HISTORY",
+    "MAX_LOG_CHARS",
+    "MAX_PAYLOAD_BYTES",
+    "MAX_REMEMBERED_BYTES",
+    "MAX_REPAIRS",
+    "MAX_SOURCES",
+    "MAX_STORE_BYTES",
+    "HintLimits",
+    "hint_bytes",
+]
+
+
+@attrs.frozen
+class HintLimits:
+    """The size of one hint. The defaults are those of ros2_medkit, so what it takes we take."""
+
+    max_id_length: int = 256
+    """SOVD entity ids appear in URLs; 256 is the gateway's own limit for them."""
+    max_string_length: int = 512
+    """Names of hosts (POSIX: 255), processes and formats; twice the longest honest one."""
+    max_function_ids: int = 100
+    max_depends_on: int = 100
+    max_metadata_entries: int = 50
+    max_metadata_key_length: int = 64
+    max_metadata_value_length: int = 1024
+
+
+DEFAULT_LIMITS = HintLimits()
+
+MAX_PAYLOAD_BYTES = 256 * 1024
+"""A hint that fills every limit takes about 112,000 bytes; twice that leaves room for JSON's
+escapes. More is refused unread, so a 100 MB message costs nothing but its transport."""
+
+MAX_HINTS = 10_000
+"""Entities per store. The default of ros2_medkit."""
+
+MAX_STORE_BYTES = 64 * 1024 * 1024
+"""All hints of a store together. 10,000 hints at their limits would take 1.07 GiB; an honest
+fleet of 10,000 takes about 15 MB, so this is four times what is needed."""
+
+HINT_OVERHEAD_BYTES = 700
+"""What a stored hint costs besides its text (measured: bench/memory.py)."""
+
+MAX_CLAIMS = 4
+"""Rival claims kept per entity. Two make a conflict; more tell no one anything new."""
+
+MAX_HISTORY = 16
+"""Transitions kept per entity: enough to show a flapping robot, bounded when it flaps for a year."""
+
+MAX_REMOVED = 10_000
+"""Ended ids remembered for ``changes_since``. A reader further behind is given everything."""
+
+MAX_SOURCES = 10_000
+"""Sources whose rate and counters are kept apart. Beyond it the least recently heard one is folded
+into the totals, newcomers before known ones, so a flood of invented names pushes out only itself."""
+
+MAX_REMEMBERED_BYTES = 16 * 1024 * 1024
+"""Payloads remembered so that an unchanged one need not be decoded: 10,000 fleet-sized hints with
+room for three times as many. Beyond it payloads are simply decoded."""
+
+MAX_REPAIRS = 32
+"""Repairs reported per hint; a hint with 10,000 bad ids is reported as 31 and "… and more"."""
+
+MAX_LOG_CHARS = 120
+"""Foreign text in one log line, after escaping (upstream logged 2 MB for a 1 MB id)."""
+
+
+def hint_bytes(hint: BeaconHint) -> int:
+    """What one hint is accounted for in the byte cap: its text in bytes, and a fixed overhead."""
+    size = HINT_OVERHEAD_BYTES
+    for text in (
+        hint.entity_id,
+        hint.stable_id,
+        hint.display_name,
+        hint.component_id,
+        hint.transport_type,
+        hint.negotiated_format,
+        hint.process_name,
+        hint.hostname,
+        *hint.function_ids,
+        *hint.depends_on,
+        *hint.metadata.keys(),
+        *hint.metadata.values(),
+    ):
+        size += len(text) if text.isascii() else len(text.encode())
+    return size
