@@ -1,0 +1,126 @@
+"""Which record is due next: a calendar of coarse slots in front of a heap.
+
+Theory. A record's deadline moves later with every refresh, and there are many refreshes for each
+deadline that is ever reached. A heap alone pays for that either at the refresh (re-sorting) or at
+the sweep (popping every entry that has become untrue). So a deadline that is still far away is only
+filed under its *slot*, an interval of 2^k nanoseconds: a refresh changes one integer, or moves the
+record between two sets. Only when a slot comes near is it sorted, into the heap. Whoever is in it
+by then has been silent for nearly its whole time to live, so a sweep pays for what it expires, and
+hardly for anything else.
+
+Entries of the heap are never removed from the middle: one is valid while its record's deadline is
+still the one it was pushed with.
+"""
+
+from __future__ import annotations
+
+import heapq
+from typing import Generic, Protocol, TypeVar
+
+__all__ = ["NEVER", "DeadlineQueue", "Timed"]
+
+NEVER = -1
+"""The deadline and slot of a record that is not in the queue."""
+
+_SLOTS_PER_TTL = 16
+"""A slot is at most this part of the shortest usual interval. Finer slots move a record at more of
+its refreshes; coarser ones sort more records that are refreshed after all."""
+
+_SLACK = 64
+"""Invalid entries the heap may hold beyond twice the valid ones before it is rebuilt."""
+
+
+class Timed(Protocol):
+    """What the queue needs of a record. It alone writes both fields."""
+
+    deadline_ns: int
+    slot: int
+
+
+T = TypeVar("T", bound=Timed)
+
+
+class DeadlineQueue(Generic[T]):
+    """Thread rule: none of its own; the owner holds a lock."""
+
+    def __init__(self, interval_ns: int) -> None:
+        """``interval_ns``: the shortest usual time from scheduling to deadline."""
+        self.shift = max(0, (interval_ns // _SLOTS_PER_TTL).bit_length() - 1)
+        """A deadline's slot is ``deadline_ns >> shift``."""
+        self._slots: dict[int, set[T]] = {}
+        self._slot_order: list[int] = []
+        self._near: list[tuple[int, int, T]] = []
+        self._near_limit = _SLACK
+        self._horizon = NEVER
+        self._serial = 0
+
+    def schedule(self, item: T, deadline_ns: int) -> None:
+        """File ``item`` under a new deadline, instead of the one it may have. O(1) if far away."""
+        slot = deadline_ns >> self.shift
+        if slot != item.slot:
+            self._leave_slot(item)
+            item.slot = slot
+            if slot > self._horizon:
+                self._enter_slot(item)
+        item.deadline_ns = deadline_ns
+        if slot <= self._horizon:
+            self._push(item)
+
+    def cancel(self, item: T) -> None:
+        """Take ``item`` out; nothing happens if it is not in."""
+        self._leave_slot(item)
+        item.slot = item.deadline_ns = NEVER
+
+    def pop_due(self, now_ns: int) -> T | None:
+        """Take out the item with the earliest deadline at or before ``now_ns``, if there is one."""
+        while self._slot_order and self._slot_order[0] <= now_ns >> self.shift:
+            self._bring_near()
+        self._drop_invalid()
+        if not self._near or self._near[0][0] > now_ns:
+            return None
+        item = heapq.heappop(self._near)[2]
+        item.slot = item.deadline_ns = NEVER
+        return item
+
+    def next_deadline_ns(self) -> int | None:
+        """The earliest deadline, exactly; ``None`` when there is none."""
+        self._drop_invalid()
+        while not self._near and self._slot_order:
+            self._bring_near()
+        return self._near[0][0] if self._near else None
+
+    def _enter_slot(self, item: T) -> None:
+        members = self._slots.get(item.slot)
+        if members is None:
+            self._slots[item.slot] = {item}
+            heapq.heappush(self._slot_order, item.slot)
+        else:
+            members.add(item)
+
+    def _leave_slot(self, item: T) -> None:
+        members = self._slots.get(item.slot)
+        if members is not None:
+            members.discard(item)
+
+    def _bring_near(self) -> None:
+        slot = heapq.heappop(self._slot_order)
+        self._horizon = slot
+        for item in self._slots.pop(slot):
+            self._push(item)
+
+    def _push(self, item: T) -> None:
+        if len(self._near) >= self._near_limit:
+            self._near = [entry for entry in self._near if _valid(entry)]
+            heapq.heapify(self._near)
+            self._near_limit = 2 * len(self._near) + _SLACK
+        # The serial keeps records with one deadline in a fixed order, and out of comparisons.
+        self._serial += 1
+        heapq.heappush(self._near, (item.deadline_ns, self._serial, item))
+
+    def _drop_invalid(self) -> None:
+        while self._near and not _valid(self._near[0]):
+            heapq.heappop(self._near)
+
+
+def _valid(entry: tuple[int, int, Timed]) -> bool:
+    return entry[2].deadline_ns == entry[0]

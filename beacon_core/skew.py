@@ -1,0 +1,87 @@
+"""Stamps, and how far to believe them.
+
+A stamp says when the sender spoke, by the sender's wall clock; the store wants to know the same on
+our monotonic clock. If both wall clocks agree, ``age = wall now - stamp`` and the message was sent
+at ``monotonic now - age`` (back-projection; a stamp in the future counts as "just now"). If they do
+not agree (simulated time, no NTP, a dead battery), the same sum gives nonsense: a robot that is
+plainly talking would count as dead for years.
+
+Delay and clock error cannot be told apart in one message. Over several, the smallest difference
+ever seen is the best estimate of the clock error, since delay only adds to it; that is the measured
+``offset`` of a source (positive: its clock is behind ours).
+"""
+
+from __future__ import annotations
+
+import enum
+
+__all__ = ["TOLERATED_OFFSET_NS", "ClockOffset", "SkewPolicy", "sent_at_ns"]
+
+TOLERATED_OFFSET_NS = 1_000_000_000
+"""A clock that is off by more than this is reported. NTP keeps to milliseconds; a second is more
+than a LAN's delay and less than any time to live."""
+
+
+class SkewPolicy(enum.StrEnum):
+    """What a stamp may decide."""
+
+    STAMP = "stamp"
+    """Always believe it, as ros2_medkit does: a source with a wrong clock may never be visible."""
+    ARRIVAL = "arrival"
+    """Never believe it: a hint is as old as its arrival. Replayed old messages look fresh."""
+    AUTO = "auto"
+    """Believe it unless it would make the hint invisible (older than ``expiry``): then arrival."""
+
+
+class ClockOffset:
+    """The measured clock offset of one source: the smallest difference lately seen.
+
+    Thread rule: none of its own; the owner holds a lock.
+    """
+
+    __slots__ = ("_count", "_earlier_ns", "_smallest_ns")
+
+    _WINDOW = 64
+    """Stamps per window. Two windows are kept, so a clock that is set right is seen to be right
+    after at most 128 messages."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._smallest_ns = 0
+        self._earlier_ns: int | None = None
+
+    def observe(self, stamp_ns: int, wall_now_ns: int) -> None:
+        """Take one stamp into account that arrived at ``wall_now_ns``."""
+        difference = wall_now_ns - stamp_ns
+        if self._count == self._WINDOW:
+            self._earlier_ns, self._count = self._smallest_ns, 0
+        if self._count == 0 or difference < self._smallest_ns:
+            self._smallest_ns = difference
+        self._count += 1
+
+    @property
+    def offset_ns(self) -> int | None:
+        """Nanoseconds the source's clock is behind ours; ``None`` before the first stamp."""
+        if self._count == 0:
+            return None
+        if self._earlier_ns is None:
+            return self._smallest_ns
+        return min(self._smallest_ns, self._earlier_ns)
+
+    @property
+    def skewed(self) -> bool:
+        """The offset is more than ``TOLERATED_OFFSET_NS`` either way."""
+        offset = self.offset_ns
+        return offset is not None and abs(offset) > TOLERATED_OFFSET_NS
+
+
+def sent_at_ns(
+    stamp_ns: int, *, wall_now_ns: int, now_ns: int, expiry_ns: int, policy: SkewPolicy
+) -> int:
+    """When a message with this stamp was sent, on the monotonic clock; never after ``now_ns``."""
+    age_ns = wall_now_ns - stamp_ns
+    if age_ns <= 0 or policy is SkewPolicy.ARRIVAL:
+        return now_ns
+    if policy is SkewPolicy.AUTO and age_ns >= expiry_ns:
+        return now_ns
+    return now_ns - age_ns
