@@ -19,6 +19,7 @@ __all__ = [
     "MAX_PAYLOAD_BYTES",
     "MAX_REMEMBERED_BYTES",
     "MAX_REPAIRS",
+    "MAX_SKIPS_LOGGED",
     "MAX_SOURCES",
     "MAX_STORE_BYTES",
     "HintLimits",
@@ -76,6 +77,10 @@ room for three times as many. Beyond it payloads are simply decoded."""
 
 MAX_REPAIRS = 32
 """Repairs reported per hint; a hint with 10,000 bad ids is reported as 31 and "… and more"."""
+
+MAX_SKIPS_LOGGED = 1_000
+"""Unknown entities named in the log, once each, by one mapper. Whoever invents names fills no more
+of the log than that, and the count of all of them is in every introspection."""
 
 MAX_LOG_CHARS = 120
 """Foreign text in one log line, after escaping (upstream logged 2 MB for a 1 MB id)."""
