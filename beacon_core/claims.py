@@ -16,43 +16,113 @@ silent, a rival speaks again. Hence:
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Protocol
+
 import attrs
 
 from beacon_core.hint import BeaconHint
 
-__all__ = ["Rival", "same_claimant"]
+__all__ = [
+    "Claimant",
+    "Speaker",
+    "find",
+    "freshest_contender",
+    "is_new_life",
+    "last_seen",
+    "other_host",
+    "repeats",
+    "same_claimant",
+    "succession",
+]
 
 
-@attrs.define(eq=False)
-class Rival:
-    """Somebody other than the holder who has spoken under its id within the last ``ttl``."""
+class Speaker(Protocol):
+    """One who speaks under an id: a claimant, or the record of the holder."""
 
     hint: BeaconHint
     source: str
     incarnation: str
     sequence: int
     last_seen_ns: int
-    contending: bool
+
+
+@attrs.define(eq=False)
+class Claimant:
+    """Somebody who speaks under an id, and its last words."""
+
+    hint: BeaconHint
+    source: str
+    incarnation: str
+    sequence: int
+    last_seen_ns: int
+    contending: bool = False
     """Heard while another held the id; otherwise a predecessor that has been silent since."""
 
 
-def same_claimant(
-    hint: BeaconHint, source: str, incarnation: str, other: BeaconHint, other_source: str, other_incarnation: str
-) -> bool:
-    """Does ``hint``, as sent by ``source``, come from the process that sent ``other``?
+def same_claimant(one: Speaker, other: Speaker) -> bool:
+    """Do both speak for the same process?
 
-    The strongest evidence that both sides give decides: the incarnation; host and process id; at
-    last the source. A message without any source makes no claim and goes to whoever holds the id.
+    The strongest evidence that both give decides: the incarnation; host and process id; at last
+    the source. A message without any source makes no claim and belongs to whoever holds the id.
     """
-    if not source:
+    if not one.source:
         return True
-    if incarnation and other_incarnation:
-        return incarnation == other_incarnation
-    if hint.hostname and other.hostname and hint.hostname != other.hostname:
+    if one.incarnation and other.incarnation:
+        return one.incarnation == other.incarnation
+    if other_host(one, other):
         return False
-    if hint.process_id and other.process_id:
-        if hint.process_id != other.process_id:
+    if one.hint.process_id and other.hint.process_id:
+        if one.hint.process_id != other.hint.process_id:
             return False
-        if hint.hostname and other.hostname:
+        if one.hint.hostname and other.hint.hostname:
             return True
-    return source == other_source
+    return one.source == other.source
+
+
+def other_host(one: Speaker, other: Speaker) -> bool:
+    """Do both name a host, and not the same one?"""
+    host, other_host = one.hint.hostname, other.hint.hostname
+    return bool(host) and bool(other_host) and host != other_host
+
+
+def repeats(message: Speaker, known: Speaker) -> bool:
+    """Is it a numbered message of the same incarnation, and not newer than what was heard of it?"""
+    return 0 < message.sequence <= known.sequence and message.incarnation == known.incarnation
+
+
+def is_new_life(message: Speaker, departed: Speaker) -> bool:
+    """Can the message not have been under way already when the goodbye was said?
+
+    A higher sequence number, another incarnation, another process or another source prove it.
+    """
+    if not same_claimant(message, departed):
+        return True
+    return message.sequence > departed.sequence > 0 and message.incarnation == departed.incarnation
+
+
+def find(rivals: Iterable[Claimant], speaker: Speaker) -> Claimant | None:
+    """The one among the rivals for whom the speaker speaks."""
+    return next((one for one in rivals if same_claimant(speaker, one)), None)
+
+
+def freshest_contender(rivals: Iterable[Claimant]) -> Claimant | None:
+    """Who holds the id next, if the holder is gone."""
+    return max((one for one in rivals if one.contending), key=last_seen, default=None)
+
+
+def last_seen(one: Speaker) -> int:
+    """A sort key."""
+    return one.last_seen_ns
+
+
+def succession(before: Speaker, heir: Speaker) -> str:
+    """Which evidence tells the heir from the one before, in words."""
+    pairs = {
+        "incarnation": (before.incarnation, heir.incarnation),
+        "host": (before.hint.hostname, heir.hint.hostname),
+        "process id": (before.hint.process_id, heir.hint.process_id),
+        "source": (before.source, heir.source),
+    }
+    changed = [name for name, (old, new) in pairs.items() if old != new]
+    return f"another {', '.join(changed)}" if changed else "the same process again"

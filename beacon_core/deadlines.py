@@ -31,10 +31,14 @@ _SLACK = 64
 
 
 class Timed(Protocol):
-    """What the queue needs of a record. It alone writes both fields."""
+    """What the queue needs of a record. It alone writes the first two fields."""
 
     deadline_ns: int
     slot: int
+
+    @property
+    def entity_id(self) -> str:
+        """Orders records that are due at the same moment, so that every run is alike."""
 
 
 T = TypeVar("T", bound=Timed)
@@ -49,9 +53,10 @@ class DeadlineQueue(Generic[T]):
         """A deadline's slot is ``deadline_ns >> shift``."""
         self._slots: dict[int, set[T]] = {}
         self._slot_order: list[int] = []
-        self._near: list[tuple[int, int, T]] = []
+        self._near: list[tuple[int, str, int, T]] = []
         self._near_limit = _SLACK
-        self._horizon = NEVER
+        self.horizon = NEVER
+        """Slots up to this one have been sorted into the heap."""
         self._serial = 0
 
     def schedule(self, item: T, deadline_ns: int) -> None:
@@ -60,10 +65,10 @@ class DeadlineQueue(Generic[T]):
         if slot != item.slot:
             self._leave_slot(item)
             item.slot = slot
-            if slot > self._horizon:
+            if slot > self.horizon:
                 self._enter_slot(item)
         item.deadline_ns = deadline_ns
-        if slot <= self._horizon:
+        if slot <= self.horizon:
             self._push(item)
 
     def cancel(self, item: T) -> None:
@@ -71,16 +76,16 @@ class DeadlineQueue(Generic[T]):
         self._leave_slot(item)
         item.slot = item.deadline_ns = NEVER
 
-    def pop_due(self, now_ns: int) -> T | None:
-        """Take out the item with the earliest deadline at or before ``now_ns``, if there is one."""
+    def pop_due(self, now_ns: int) -> tuple[int, T] | None:
+        """Take out the earliest deadline at or before ``now_ns``, and its item, if there is one."""
         while self._slot_order and self._slot_order[0] <= now_ns >> self.shift:
             self._bring_near()
         self._drop_invalid()
         if not self._near or self._near[0][0] > now_ns:
             return None
-        item = heapq.heappop(self._near)[2]
+        deadline_ns, *_, item = heapq.heappop(self._near)
         item.slot = item.deadline_ns = NEVER
-        return item
+        return deadline_ns, item
 
     def next_deadline_ns(self) -> int | None:
         """The earliest deadline, exactly; ``None`` when there is none."""
@@ -104,7 +109,7 @@ class DeadlineQueue(Generic[T]):
 
     def _bring_near(self) -> None:
         slot = heapq.heappop(self._slot_order)
-        self._horizon = slot
+        self.horizon = slot
         for item in self._slots.pop(slot):
             self._push(item)
 
@@ -113,14 +118,14 @@ class DeadlineQueue(Generic[T]):
             self._near = [entry for entry in self._near if _valid(entry)]
             heapq.heapify(self._near)
             self._near_limit = 2 * len(self._near) + _SLACK
-        # The serial keeps records with one deadline in a fixed order, and out of comparisons.
+        # The serial keeps two records of one id, an ended and a new one, out of comparisons.
         self._serial += 1
-        heapq.heappush(self._near, (item.deadline_ns, self._serial, item))
+        heapq.heappush(self._near, (item.deadline_ns, item.entity_id, self._serial, item))
 
     def _drop_invalid(self) -> None:
         while self._near and not _valid(self._near[0]):
             heapq.heappop(self._near)
 
 
-def _valid(entry: tuple[int, int, Timed]) -> bool:
-    return entry[2].deadline_ns == entry[0]
+def _valid(entry: tuple[int, str, int, Timed]) -> bool:
+    return entry[-1].deadline_ns == entry[0]

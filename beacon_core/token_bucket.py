@@ -12,9 +12,7 @@ bucket. Strangers and loud ones only draw from the upper half.
 
 from __future__ import annotations
 
-import math
-
-from beacon_core.errors import ConfigError
+from beacon_core.checks import positive_rate
 from beacon_core.outcome import Verdict
 
 __all__ = ["FairGate", "TokenBucket"]
@@ -36,8 +34,8 @@ class TokenBucket:
 
         Raises ``ConfigError`` unless both are finite and at least 1.
         """
-        self.rate = _at_least_one("rate", rate)
-        self.capacity = self.rate if capacity is None else _at_least_one("capacity", capacity)
+        self.rate = positive_rate("rate", rate)
+        self.capacity = self.rate if capacity is None else positive_rate("capacity", capacity)
         self.tokens = self.capacity
         self.updated_ns = now_ns
 
@@ -74,8 +72,8 @@ class FairGate:
 
     def __init__(self, *, source_rate: float, global_rate: float, now_ns: int) -> None:
         """Rates in messages per second. Raises ``ConfigError`` unless finite and at least 1."""
-        self._source_rate = _at_least_one("source_rate", source_rate)
-        self._everyone = TokenBucket(_at_least_one("global_rate", global_rate), now_ns=now_ns)
+        self._source_rate = positive_rate("source_rate", source_rate)
+        self._everyone = TokenBucket(positive_rate("global_rate", global_rate), now_ns=now_ns)
         # One less, so that a stranger passes a full bucket of any size.
         self._reserve = (self._everyone.capacity - 1.0) / 2
 
@@ -117,9 +115,3 @@ class FairGate:
         own.tokens = level - 1.0
         everyone.tokens = available - 1.0
         return None
-
-
-def _at_least_one(name: str, value: float) -> float:
-    if not (math.isfinite(value) and value >= 1.0):
-        raise ConfigError(f"{name}: {value} is not possible; give a finite number, at least 1.0")
-    return float(value)

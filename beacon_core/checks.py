@@ -1,0 +1,30 @@
+"""Checks of what a caller configures; each message names the key, the value and what is right."""
+
+from __future__ import annotations
+
+import math
+
+from beacon_core.errors import ConfigError
+
+__all__ = ["at_least_one", "nanoseconds", "positive_rate"]
+
+
+def nanoseconds(key: str, seconds: float) -> int:
+    """Whole nanoseconds, rounded down as C++'s ``duration_cast`` does."""
+    if not (math.isfinite(seconds) and seconds >= 0):
+        raise ConfigError(f"{key}: {seconds} is not possible; give a finite number of seconds >= 0")
+    return int(seconds * 1e9)
+
+
+def at_least_one(key: str, value: int) -> int:
+    """A cap on a number of things."""
+    if value < 1:
+        raise ConfigError(f"{key}: {value} is not possible; give a whole number, at least 1")
+    return value
+
+
+def positive_rate(key: str, value: float) -> float:
+    """A rate or a burst, in tokens."""
+    if not (math.isfinite(value) and value >= 1.0):
+        raise ConfigError(f"{key}: {value} is not possible; give a finite number, at least 1.0")
+    return float(value)

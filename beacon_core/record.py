@@ -1,0 +1,136 @@
+"""One entity in the store: a mutable record, and the immutable views of it that are given out."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+from beacon_core.claims import Claimant, Speaker
+from beacon_core.deadlines import NEVER
+from beacon_core.hint import BeaconHint
+from beacon_core.lifecycle import Cause, Status, Transition
+from beacon_core.limits import MAX_HISTORY, hint_bytes
+from beacon_core.stored import Claim, StoredHint
+
+__all__ = ["Record", "merge"]
+
+T = TypeVar("T")
+
+
+class Record:
+    """Thread rule: touched under the store's lock only.
+
+    The constructor is written out, and the fields are slots, because there are as many of these
+    as there are entities.
+    """
+
+    __slots__ = (
+        "cause",
+        "content",
+        "deadline_ns",
+        "detail",
+        "first_seen_ns",
+        "hint",
+        "history",
+        "incarnation",
+        "last_seen_ns",
+        "restarts",
+        "revision",
+        "rivals",
+        "sequence",
+        "size",
+        "slot",
+        "source",
+        "status",
+        "view",
+    )
+
+    def __init__(self, first: Claimant, status: Status, cause: Cause) -> None:
+        self.hint = first.hint
+        self.source = first.source
+        self.incarnation = first.incarnation
+        self.sequence = first.sequence
+        self.last_seen_ns = self.first_seen_ns = first.last_seen_ns
+        self.status = status
+        self.cause = cause
+        self.detail = ""
+        self.history: tuple[Transition, ...] = ()
+        self.rivals: tuple[Claimant, ...] = ()
+        self.restarts = 0
+        self.size = hint_bytes(first.hint)
+        self.revision = 0
+        self.content = 0
+        """The revision at which ``hint`` or its holder last changed."""
+        self.deadline_ns = self.slot = NEVER
+        self.view: StoredHint | None = None
+        """The latest view, until anything in it changes."""
+
+    @property
+    def entity_id(self) -> str:
+        return self.hint.entity_id
+
+    @property
+    def heard_once(self) -> bool:
+        """Nothing has followed the first message of this life."""
+        return self.last_seen_ns == self.first_seen_ns
+
+    @property
+    def contended(self) -> bool:
+        return any(rival.contending for rival in self.rivals)
+
+    def remember(self, transition: Transition) -> None:
+        """Put a transition into the history; the oldest gives way."""
+        self.history = (*self.history, transition)[-MAX_HISTORY:]
+
+    def given_out(self) -> StoredHint:
+        """The view of this record as it is now."""
+        if self.view is None:
+            self.view = StoredHint(
+                hint=self.hint,
+                status=self.status,
+                cause=self.cause,
+                detail=self.detail,
+                last_seen_ns=self.last_seen_ns,
+                first_seen_ns=self.first_seen_ns,
+                source=self.source,
+                incarnation=self.incarnation,
+                revision=self.revision,
+                restarts=self.restarts,
+                claims=self._claims(),
+                history=self.history,
+            )
+        return self.view
+
+    def _claims(self) -> tuple[Claim, ...]:
+        contenders = [rival for rival in self.rivals if rival.contending]
+        if not contenders:
+            return ()
+        speakers: tuple[Speaker, ...] = (self, *contenders)
+        return tuple(
+            Claim(one.hint, one.source, one.incarnation, one.last_seen_ns) for one in speakers
+        )
+
+
+def merge(old: BeaconHint, new: BeaconHint) -> BeaconHint:
+    """``old`` with the given fields of ``new``; ``old`` itself if that changes nothing.
+
+    A field that says the same keeps the old object, so that a fleet's strings are not held twice.
+    """
+    merged = BeaconHint(
+        old.entity_id,
+        _pick(new.stable_id, old.stable_id),
+        _pick(new.display_name, old.display_name),
+        _pick(new.function_ids, old.function_ids),
+        _pick(new.depends_on, old.depends_on),
+        _pick(new.component_id, old.component_id),
+        _pick(new.transport_type, old.transport_type),
+        _pick(new.negotiated_format, old.negotiated_format),
+        _pick(new.process_id, old.process_id),
+        _pick(new.process_name, old.process_name),
+        _pick(new.hostname, old.hostname),
+        _pick(new.metadata, old.metadata),
+    )
+    return old if merged == old else merged
+
+
+def _pick(new: T, old: T) -> T:
+    return new if new and new != old else old

@@ -1,0 +1,538 @@
+"""The store: every entity's latest hint, its status, and what has changed.
+
+Each public operation first *settles*: whatever has become due since the last one (a ttl, an expiry,
+a tombstone) takes effect at its own time, in order. So status is a function of age in everything
+the store gives out, and there is no difference between a store that is swept often and one that is
+only read.
+
+Costs: a refresh is O(1); settling costs what expires; ``changes_since`` costs what changed, because
+the records are kept in the order of their last change.
+
+Room. Expired hints hold none. When a new id finds the store full, by count or by bytes, others give
+way in this order: tombstones; STALE ones that were heard only once (what a flood of invented ids
+leaves behind); other STALE ones; the longest silent first. ACTIVE ones never give way: then the new
+id is refused. A known id is always refreshed.
+"""
+
+from __future__ import annotations
+
+import threading
+from itertools import takewhile
+
+from beacon_core.checks import at_least_one, nanoseconds
+from beacon_core.claims import (
+    Claimant,
+    find,
+    freshest_contender,
+    is_new_life,
+    last_seen,
+    other_host,
+    repeats,
+    same_claimant,
+    succession,
+)
+from beacon_core.clock import Clock
+from beacon_core.deadlines import DeadlineQueue
+from beacon_core.hint import BeaconHint
+from beacon_core.lifecycle import Cause, Status, Transition, transition
+from beacon_core.limits import MAX_CLAIMS, MAX_HINTS, MAX_REMOVED, MAX_STORE_BYTES, hint_bytes
+from beacon_core.outcome import Verdict
+from beacon_core.record import Record, merge
+from beacon_core.removals import Removals
+from beacon_core.room import Room
+from beacon_core.stored import Changes, StoredHint, StoreStats
+
+__all__ = ["HintStore"]
+
+_ACTIVE, _STALE, _LEFT = Status.ACTIVE, Status.STALE, Status.LEFT
+_REFRESHED, _OLDER = Verdict.REFRESHED, Verdict.OLDER
+_HELD = frozenset({Verdict.NEW, Verdict.CHANGED, Verdict.REFRESHED})
+_FOREVER_NS = 2**63
+
+
+class HintStore:
+    """Thread rule: every method may be called from any thread and is atomic: no other method of
+    this store is seen half done. No method blocks on anything but the store's own lock, and none
+    calls back. Values given out never change.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        *,
+        ttl_s: float = 10.0,
+        expiry_s: float = 300.0,
+        max_hints: int = MAX_HINTS,
+        max_bytes: int = MAX_STORE_BYTES,
+    ) -> None:
+        """``ttl_s`` and ``expiry_s`` in seconds; an ``expiry_s`` not above ``ttl_s`` becomes
+        10 x ``ttl_s`` (ros2_medkit's rule). ``max_bytes`` as counted by ``limits.hint_bytes``.
+
+        Raises ``ConfigError`` for NaN, infinity, negative times and caps below 1.
+        """
+        self.clock = clock
+        self.ttl_ns = nanoseconds("ttl_s", ttl_s)
+        expiry_ns = nanoseconds("expiry_s", expiry_s)
+        self.expiry_ns = expiry_ns if expiry_ns > self.ttl_ns else nanoseconds("", 10 * ttl_s)
+        self._room = Room(
+            at_least_one("max_hints", max_hints), at_least_one("max_bytes", max_bytes)
+        )
+        self._lock = threading.Lock()
+        self._now_ns = clock.monotonic_ns()
+        # In the order of the last change: that is what changes_since reads, from the end.
+        self._records: dict[str, Record] = {}
+        self._due: DeadlineQueue[Record] = DeadlineQueue(self.ttl_ns)
+        self._shift = self._due.shift
+        self._next_due_ns = _FOREVER_NS
+        self._removals = Removals(MAX_REMOVED)
+        self._revision = 0
+        self._conflicts = 0
+        self._expired = self._displaced = self._refused = self._restarts = self._buried = 0
+
+    def update(
+        self,
+        hint: BeaconHint,
+        *,
+        received_at_ns: int | None = None,
+        source: str = "",
+        incarnation: str = "",
+        sequence: int = 0,
+    ) -> Verdict:
+        """Take a validated hint.
+
+        ``received_at_ns`` is when it was sent, on the monotonic clock (``None``: now; the future
+        counts as now). ``source``, ``incarnation`` and ``sequence`` are explained at
+        :class:`beacon_core.ports.sink.HintSink`; without a ``source`` the hint makes no claim of
+        its own and is merged into whatever is there, as in ros2_medkit.
+
+        Given fields overwrite, fields not given stay; lists and metadata are replaced whole.
+        """
+        message = Claimant(hint, source, incarnation, sequence, received_at_ns or 0)
+        return self.take(message, arrived=received_at_ns is None)[0]
+
+    def take(self, message: Claimant, *, arrived: bool = False) -> tuple[Verdict, int]:
+        """``update`` with the message in one piece (it becomes the store's own).
+
+        ``arrived``: it was sent just now, whatever its ``last_seen_ns``. Also returns the content
+        version that stands after it, for :meth:`refresh`; 0 where the message changed nothing.
+        """
+        now_ns = self.clock.monotonic_ns()
+        with self._lock:
+            now_ns = self._settle(now_ns)
+            if arrived or message.last_seen_ns > now_ns:
+                message.last_seen_ns = now_ns
+            record = self._records.get(message.hint.entity_id)
+            if record is None:
+                verdict, record = self._begin(message, now_ns)
+            elif record.status is _LEFT:
+                verdict = self._heard_after_goodbye(record, message, now_ns)
+            elif same_claimant(message, record):
+                verdict = self._heard(record, message, now_ns)
+            else:
+                verdict = self._heard_other(record, message, now_ns)
+            held = verdict in _HELD and record is not None
+            return verdict, record.content if held and record is not None else 0
+
+    def refresh(
+        self, entity_id: str, content: int, source: str, incarnation: str, sequence: int
+    ) -> Verdict | None:
+        """The short way for a message known to say what this entity's holder said last.
+
+        ``content`` is what :meth:`take` returned for that message. Returns ``REFRESHED``, or
+        ``OLDER`` for a late or repeated message, or ``None`` if anything is not as it was then:
+        ``take`` is the way.
+        """
+        now_ns = self.clock.monotonic_ns()
+        with self._lock:
+            if now_ns >= self._next_due_ns:
+                now_ns = self._settle(now_ns)
+            record = self._records.get(entity_id)
+            if (
+                record is None
+                or record.content != content
+                or record.status is not _ACTIVE
+                or record.rivals
+                or record.source != source
+                or record.incarnation != incarnation
+            ):
+                return None
+            if sequence:
+                if sequence <= record.sequence:
+                    return _OLDER
+                record.sequence = sequence
+            if now_ns > record.last_seen_ns:
+                record.last_seen_ns = now_ns
+                record.view = None
+                deadline_ns = now_ns + self.ttl_ns
+                # Nearly always the deadline stays in its slot: then there is nothing to re-file.
+                if deadline_ns >> self._shift == record.slot > self._due.horizon:
+                    record.deadline_ns = deadline_ns
+                else:
+                    self._due.schedule(record, deadline_ns)
+            return _REFRESHED
+
+    def goodbye(
+        self, entity_id: str, *, source: str = "", incarnation: str = "", sequence: int = 0
+    ) -> Verdict:
+        """Its announcer left on purpose. ``UNKNOWN`` if the speaker claims no such id."""
+        leaving = (entity_id, source, incarnation, sequence)
+        return self._depart(leaving, Cause.GOODBYE, Verdict.LEFT, "")
+
+    def lost(
+        self,
+        entity_id: str,
+        *,
+        source: str = "",
+        incarnation: str = "",
+        reason: str = "connection lost",
+    ) -> Verdict:
+        """The carrier saw its announcer vanish: STALE at once, with ``reason`` as its detail."""
+        return self._depart((entity_id, source, incarnation, 0), Cause.LOST, Verdict.LOST, reason)
+
+    def forget(self, entity_id: str | None = None) -> int:
+        """Forget one entity, or all with ``None``; returns how many there were."""
+        now_ns = self.clock.monotonic_ns()
+        with self._lock:
+            self._settle(now_ns)
+            ids = list(self._records) if entity_id is None else [entity_id]
+            records = [self._records[one] for one in ids if one in self._records]
+            for record in records:
+                self._remove(record, Cause.FORGOTTEN)
+            return len(records)
+
+    def get(self, entity_id: str) -> StoredHint | None:
+        """The entity as it is now; it may be LEFT, and is never an expired one."""
+        now_ns = self.clock.monotonic_ns()
+        with self._lock:
+            self._settle(now_ns)
+            record = self._records.get(entity_id)
+            return None if record is None else record.given_out()
+
+    def last_seen_ns(self, entity_id: str) -> int | None:
+        """When it was last heard, on the monotonic clock."""
+        with self._lock:
+            record = self._records.get(entity_id)
+            return None if record is None else record.last_seen_ns
+
+    def snapshot(self) -> list[StoredHint]:
+        """All ACTIVE and STALE ones at one moment, in the order of their last change.
+
+        Costs a reference for each record that was not even refreshed since the last time.
+        """
+        now_ns = self.clock.monotonic_ns()
+        with self._lock:
+            self._settle(now_ns)
+            return [one.given_out() for one in self._records.values() if one.status is not _LEFT]
+
+    def changes_since(self, revision: int) -> Changes:
+        """What has changed after ``revision``; 0 asks for everything.
+
+        A revision that is older than what is remembered, or that this store has not reached, is
+        answered with everything too, and says so.
+        """
+        now_ns = self.clock.monotonic_ns()
+        with self._lock:
+            self._settle(now_ns)
+            too_old = revision != 0 and not self._removals.floor <= revision <= self._revision
+            complete = too_old or revision == 0
+            since = 0 if complete else revision
+            latest_first = reversed(self._records.values())
+            changed = list(takewhile(lambda one: one.revision > since, latest_first))
+            gone = () if complete else self._removals.since(since, self._records)
+            hints = tuple(record.given_out() for record in reversed(changed))
+            return Changes(self._revision, hints, gone, complete, too_old)
+
+    def sweep(self) -> int:
+        """Settle what is due; returns how many records changed their status or ended."""
+        now_ns = self.clock.monotonic_ns()
+        with self._lock:
+            before = self._revision
+            self._settle(now_ns)
+            return self._revision - before
+
+    def next_deadline_ns(self) -> int | None:
+        """The monotonic time at which ``sweep`` will next find something; ``None``: never."""
+        with self._lock:
+            return self._due.next_deadline_ns()
+
+    @property
+    def revision(self) -> int:
+        """Rises with every change, by one; a refresh is no change. 0 only before the first."""
+        return self._revision
+
+    def size(self) -> int:
+        """How many are ACTIVE or STALE."""
+        stats = self.stats()
+        return stats.active + stats.stale
+
+    def stats(self) -> StoreStats:
+        """All counts, at one moment."""
+        now_ns = self.clock.monotonic_ns()
+        with self._lock:
+            self._settle(now_ns)
+            return StoreStats(
+                active=self._room.count[_ACTIVE],
+                stale=self._room.count[_STALE],
+                left=self._room.count[_LEFT],
+                conflicts=self._conflicts,
+                bytes=sum(self._room.bytes.values()),
+                revision=self._revision,
+                expired=self._expired,
+                displaced=self._displaced,
+                refused=self._refused,
+                restarts=self._restarts,
+                buried=self._buried,
+            )
+
+    # -- one message, by the state it meets ------------------------------------------------------
+
+    def _begin(self, message: Claimant, now_ns: int) -> tuple[Verdict, Record | None]:
+        cause = self._cause_of_hearing(message.last_seen_ns, now_ns)
+        if cause is None:
+            return Verdict.OLDER, None
+        record = Record(message, transition(Status.EXPIRED, cause), cause)
+        if not self._make_room(count=1, size=record.size):
+            return Verdict.STORE_FULL, None
+        self._records[record.entity_id] = record
+        self._room.enter(record)
+        self._changed(record, content=True)
+        self._file(record)
+        return Verdict.NEW, record
+
+    def _heard(self, record: Record, message: Claimant, now_ns: int) -> Verdict:
+        if repeats(message, record) or message.last_seen_ns < record.last_seen_ns:
+            return Verdict.OLDER
+        if record.cause is Cause.LOST and message.last_seen_ns < record.history[-1].at_ns:
+            return Verdict.OLDER
+        cause = self._cause_of_hearing(message.last_seen_ns, now_ns)
+        if cause is None:
+            return Verdict.OLDER
+        record.incarnation = message.incarnation or record.incarnation
+        record.sequence = message.sequence
+        record.last_seen_ns = message.last_seen_ns
+        record.view = None
+        if transition(record.status, cause) is not record.status:
+            self._go(record, cause, now_ns)
+        elif record.status is _STALE:
+            self._offer_room(record)
+        self._file(record)
+        merged = merge(record.hint, message.hint)
+        if merged is record.hint:
+            return Verdict.REFRESHED
+        size = hint_bytes(merged) - record.size
+        if not self._make_room(count=0, size=size, grower=record):
+            return Verdict.STORE_FULL
+        self._set_hint(record, merged)
+        return Verdict.CHANGED
+
+    def _heard_other(self, record: Record, message: Claimant, now_ns: int) -> Verdict:
+        rival = find(record.rivals, message)
+        known = record if rival is None else rival
+        if message.last_seen_ns < known.last_seen_ns:
+            return Verdict.OLDER
+        if rival is not None and repeats(message, rival):
+            return Verdict.OLDER
+        if record.status is _ACTIVE and (rival is not None or other_host(message, record)):
+            return self._contend(record, rival, message)
+        return self._succeed(record, message, now_ns)
+
+    def _heard_after_goodbye(self, record: Record, message: Claimant, now_ns: int) -> Verdict:
+        if message.last_seen_ns < record.last_seen_ns:
+            return Verdict.OLDER
+        if not is_new_life(message, record):
+            self._buried += 1
+            return Verdict.BURIED
+        return self._succeed(record, message, now_ns)
+
+    def _contend(self, record: Record, rival: Claimant | None, message: Claimant) -> Verdict:
+        said_before = rival is not None and rival.contending and rival.hint == message.hint
+        message.contending = True
+        others = [one for one in record.rivals if one is not rival]
+        # The holder is a claimant too; the one that was heard longest ago gives way.
+        others.sort(key=last_seen)
+        self._set_rivals(record, (*others[-(MAX_CLAIMS - 2) :], message))
+        if not said_before:
+            self._changed(record)
+        self._file(record)
+        return Verdict.CONTENDED
+
+    def _succeed(self, record: Record, message: Claimant, now_ns: int) -> Verdict:
+        """Another process takes over the id, or the same one comes back after its goodbye."""
+        cause = self._cause_of_hearing(message.last_seen_ns, now_ns)
+        if cause is None:
+            return Verdict.OLDER
+        size = hint_bytes(message.hint)
+        if not self._make_room(count=0, size=size - record.size, grower=record):
+            return Verdict.STORE_FULL
+        predecessor = Claimant(
+            record.hint, record.source, record.incarnation, record.sequence, record.last_seen_ns
+        )
+        heard_lately = record.status is _ACTIVE
+        rivals = [one for one in record.rivals if not same_claimant(message, one)]
+        self._hand_over(record, message, cause, now_ns)
+        if heard_lately and record.status is _ACTIVE:
+            self._set_rivals(record, (*rivals[-(MAX_CLAIMS - 2) :], predecessor))
+            self._file(record)
+        return Verdict.CHANGED
+
+    def _depart(
+        self, leaving: tuple[str, str, str, int], cause: Cause, verdict: Verdict, detail: str
+    ) -> Verdict:
+        now_ns = self.clock.monotonic_ns()
+        entity_id, source, incarnation, sequence = leaving
+        with self._lock:
+            now_ns = self._settle(now_ns)
+            record = self._records.get(entity_id)
+            if record is None:
+                return Verdict.UNKNOWN
+            speaker = Claimant(BeaconHint(entity_id), source, incarnation, sequence, now_ns)
+            if not same_claimant(speaker, record):
+                return self._rival_departs(record, speaker, verdict)
+            if record.status is _LEFT or record.cause is cause or repeats(speaker, record):
+                return Verdict.OLDER
+            record.sequence = max(record.sequence, sequence)
+            heir = freshest_contender(record.rivals)
+            if heir is None:
+                self._set_rivals(record, ())
+                self._go(record, cause, now_ns, detail)
+                self._file(record)
+            else:
+                self._inherit(record, heir, now_ns)
+            return verdict
+
+    def _rival_departs(self, record: Record, speaker: Claimant, verdict: Verdict) -> Verdict:
+        rival = find(record.rivals, speaker)
+        if rival is None:
+            return Verdict.UNKNOWN
+        self._set_rivals(record, tuple(one for one in record.rivals if one is not rival))
+        self._file(record)
+        return verdict
+
+    # -- time ------------------------------------------------------------------------------------
+
+    def _settle(self, now_ns: int) -> int:
+        """Let everything due take effect; returns the time, which never goes back."""
+        self._now_ns = now_ns = max(now_ns, self._now_ns)
+        if now_ns >= self._next_due_ns:
+            while (due := self._due.pop_due(now_ns)) is not None:
+                self._fall_due(due[1], due[0])
+            next_ns = self._due.next_deadline_ns()
+            self._next_due_ns = _FOREVER_NS if next_ns is None else next_ns
+        return now_ns
+
+    def _fall_due(self, record: Record, at_ns: int) -> None:
+        if record.status is not _ACTIVE:
+            self._remove(record, Cause.LAPSED)
+            return
+        living = tuple(one for one in record.rivals if one.last_seen_ns + self.ttl_ns > at_ns)
+        self._set_rivals(record, living)
+        if record.last_seen_ns + self.ttl_ns <= at_ns:
+            heir = freshest_contender(living)
+            if heir is not None:
+                self._inherit(record, heir, at_ns)
+                return
+            self._set_rivals(record, ())
+            self._go(record, Cause.SILENT, at_ns)
+        self._file(record)
+
+    def _cause_of_hearing(self, sent_ns: int, now_ns: int) -> Cause | None:
+        """What a message sent then does to a status; ``None``: it is expired on arrival."""
+        age_ns = now_ns - sent_ns
+        if age_ns >= self.expiry_ns:
+            return None
+        return Cause.HEARD_LATE if age_ns >= self.ttl_ns else Cause.HEARD
+
+    def _file(self, record: Record) -> None:
+        """Put the record's next deadline into the queue."""
+        if record.status is _ACTIVE:
+            seen_ns = min((record.last_seen_ns, *map(last_seen, record.rivals)))
+            deadline_ns = seen_ns + self.ttl_ns
+        elif record.status is _STALE:
+            deadline_ns = record.last_seen_ns + self.expiry_ns
+        else:
+            deadline_ns = record.history[-1].at_ns + self.ttl_ns
+        self._due.schedule(record, deadline_ns)
+        self._next_due_ns = min(self._next_due_ns, deadline_ns)
+
+    # -- changes ---------------------------------------------------------------------------------
+
+    def _go(self, record: Record, cause: Cause, at_ns: int, detail: str = "") -> None:
+        """Take one step in the lifecycle."""
+        self._room.leave(record)
+        record.status = transition(record.status, cause)
+        record.cause, record.detail = cause, detail
+        self._room.enter(record)
+        record.remember(Transition(at_ns, record.status, cause, detail))
+        self._changed(record)
+        if record.status is not _ACTIVE:
+            self._offer_room(record)
+
+    def _hand_over(self, record: Record, heir: Claimant, cause: Cause, at_ns: int) -> None:
+        """Begin another claimant's life under this id: nothing of the old one's words stays."""
+        if not same_claimant(heir, record):
+            record.restarts += 1
+            self._restarts += 1
+        detail = succession(record, heir)
+        self._set_rivals(record, ())
+        record.source, record.incarnation = heir.source, heir.incarnation
+        record.sequence = heir.sequence
+        record.last_seen_ns = record.first_seen_ns = heir.last_seen_ns
+        self._set_hint(record, heir.hint)
+        self._go(record, cause, at_ns, detail)
+        self._file(record)
+
+    def _inherit(self, record: Record, heir: Claimant, at_ns: int) -> None:
+        """A contender holds the id from now on; the other contenders stay."""
+        others = tuple(one for one in record.rivals if one is not heir)
+        self._hand_over(record, heir, Cause.HEARD, at_ns)
+        self._set_rivals(record, others)
+        self._file(record)
+
+    def _set_hint(self, record: Record, hint: BeaconHint) -> None:
+        self._room.leave(record)
+        record.hint, record.size = hint, hint_bytes(hint)
+        self._room.enter(record)
+        self._changed(record, content=True)
+
+    def _set_rivals(self, record: Record, rivals: tuple[Claimant, ...]) -> None:
+        contended = record.contended
+        record.rivals = rivals
+        record.view = None
+        if record.contended != contended:
+            self._conflicts += 1 if record.contended else -1
+            self._changed(record)
+
+    def _changed(self, record: Record, *, content: bool = False) -> None:
+        self._revision += 1
+        record.revision = self._revision
+        record.view = None
+        if content:
+            record.content = self._revision
+        self._records[record.entity_id] = self._records.pop(record.entity_id)
+
+    def _remove(self, record: Record, cause: Cause) -> None:
+        transition(record.status, cause)
+        self._room.leave(record)
+        self._conflicts -= record.contended
+        self._due.cancel(record)
+        del self._records[record.entity_id]
+        self._expired += cause is Cause.LAPSED
+        self._displaced += cause is Cause.DISPLACED
+        self._revision += 1
+        self._removals.add(self._revision, record.entity_id)
+
+    def _make_room(self, *, count: int, size: int, grower: Record | None = None) -> bool:
+        """Let idle records give way, unless even that is not enough: then nobody does."""
+        if not self._room.can_be_made(count=count, size=size, grower=grower):
+            self._refused += 1
+            return False
+        self._room.victims(
+            self._records, count=count, size=size, displace=self._displace, grower=grower
+        )
+        return True
+
+    def _displace(self, record: Record) -> None:
+        self._remove(record, Cause.DISPLACED)
+
+    def _offer_room(self, record: Record) -> None:
+        self._room.offer(record, self._records.values())
