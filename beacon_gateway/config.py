@@ -1,0 +1,238 @@
+"""The gateway's configuration: a YAML document into frozen values, or everything wrong with it.
+
+The reference for people is docs/configuration.md; the same keys in the same order.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections import Counter
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+import attrs
+
+from beacon_core.entities import App, Area, Component, Entities, Function
+from beacon_core.limits import MAX_HINTS
+from beacon_core.ports.adapter import Adapter
+from beacon_core.skew import SkewPolicy
+from beacon_core.validator import is_valid_id
+from beacon_gateway.adapters import load_adapter
+from beacon_gateway.documents import read_yaml
+from beacon_gateway.problems import Problem
+from beacon_gateway.structuring import Structurer
+
+__all__ = [
+    "DEFAULT_SOURCES",
+    "AppEntry",
+    "AreaEntry",
+    "ComponentEntry",
+    "Config",
+    "EntitiesConfig",
+    "FunctionEntry",
+    "HttpConfig",
+    "Loaded",
+    "LogLevel",
+    "SourceConfig",
+    "default_config",
+    "load_config",
+    "parse_config",
+]
+
+DEFAULT_SOURCES: Mapping[str, object] = {
+    "zenoh": {"adapter": "zenoh", "options": {"mode": "router", "listen": ["tcp/127.0.0.1:7447"]}}
+}
+"""Where nothing is configured: the gateway is its own Zenoh router, for this machine only."""
+
+
+class _Entry(Protocol):
+    @property
+    def id(self) -> str: ...
+
+
+class LogLevel(enum.StrEnum):
+    DEBUG = "debug"
+    INFO = "info"
+    WARNING = "warning"
+    ERROR = "error"
+
+
+def _port(_: object, __: object, value: int) -> None:
+    if not 0 <= value <= 65535:
+        raise ValueError(f"found the number {value}; give a port, 0 to 65535 (0: any free one)")
+
+
+def _id(_: object, __: object, value: str) -> None:
+    if not is_valid_id(value):
+        raise ValueError(
+            f"found {ascii(value)[:60]}; give an id: 1 to 256 characters of A-Z a-z 0-9 _ -"
+        )
+
+
+def _id_or_empty(instance: object, attribute: object, value: str) -> None:
+    if value:
+        _id(instance, attribute, value)
+
+
+def _ids(instance: object, attribute: object, value: tuple[str, ...]) -> None:
+    for entry in value:
+        _id(instance, attribute, entry)
+
+
+def _unlike(_: object, __: object, value: tuple[_Entry, ...]) -> None:
+    twice = [entry_id for entry_id, count in Counter(e.id for e in value).items() if count > 1]
+    if twice:
+        raise ValueError(f"given more than once: {', '.join(twice)}; give each id once")
+
+
+def _named(_: object, __: object, value: Mapping[str, object]) -> None:
+    if not value:
+        raise ValueError("found no source; give at least one, or leave the key out for the default")
+    for name in value:
+        if not is_valid_id(name):
+            raise ValueError(
+                f"found a source named {ascii(name)[:60]}; give a name of A-Z a-z 0-9 _ -"
+            )
+
+
+@attrs.frozen
+class HttpConfig:
+    """Where the gateway serves."""
+
+    host: str = "127.0.0.1"
+    port: int = attrs.field(default=8080, validator=_port)
+
+
+@attrs.frozen
+class SourceConfig:
+    """One carrier to listen on, with a store of its own."""
+
+    adapter: str = attrs.field(metadata={"right": "the name of an installed adapter"})
+    ttl_s: float = attrs.field(default=10.0, metadata={"at_least": 0.1})
+    expiry_s: float = attrs.field(default=300.0, metadata={"at_least": 1.0})
+    max_hints: int = attrs.field(default=MAX_HINTS, metadata={"at_least": 1})
+    source_rate: float = attrs.field(default=100.0, metadata={"at_least": 1.0})
+    global_rate: float = attrs.field(default=10_000.0, metadata={"at_least": 1.0})
+    skew_policy: SkewPolicy = SkewPolicy.AUTO
+    options: Any = None
+    """An instance of the adapter's own options class."""
+
+
+@attrs.frozen
+class AreaEntry:
+    id: str = attrs.field(validator=_id, metadata={"right": "an id"})
+    name: str = ""
+
+
+@attrs.frozen
+class ComponentEntry:
+    id: str = attrs.field(validator=_id, metadata={"right": "an id"})
+    name: str = ""
+
+
+@attrs.frozen
+class AppEntry:
+    id: str = attrs.field(validator=_id, metadata={"right": "an id"})
+    name: str = ""
+    component_id: str = attrs.field(default="", validator=_id_or_empty)
+
+
+@attrs.frozen
+class FunctionEntry:
+    id: str = attrs.field(validator=_id, metadata={"right": "an id"})
+    name: str = ""
+    hosts: tuple[str, ...] = attrs.field(default=(), validator=_ids)
+
+
+@attrs.frozen
+class EntitiesConfig:
+    """The tree as it is known beforehand."""
+
+    areas: tuple[AreaEntry, ...] = attrs.field(default=(), validator=_unlike)
+    components: tuple[ComponentEntry, ...] = attrs.field(default=(), validator=_unlike)
+    apps: tuple[AppEntry, ...] = attrs.field(default=(), validator=_unlike)
+    functions: tuple[FunctionEntry, ...] = attrs.field(default=(), validator=_unlike)
+
+    def known(self) -> Entities:
+        """The same as the core's tree."""
+        return Entities(
+            areas=[Area(entry.id, entry.name) for entry in self.areas],
+            components=[
+                Component(entry.id, entry.name, source="manifest") for entry in self.components
+            ],
+            apps=[App(entry.id, entry.name, entry.component_id) for entry in self.apps],
+            functions=[Function(entry.id, entry.name, entry.hosts) for entry in self.functions],
+        )
+
+
+@attrs.frozen
+class Config:
+    """Everything that can be configured."""
+
+    sources: Mapping[str, SourceConfig] = attrs.field(validator=_named)
+    http: HttpConfig = HttpConfig()
+    entities: EntitiesConfig = EntitiesConfig()
+    allow_new_entities: bool = True
+    vendor_name: str = "beacon"
+    log_level: LogLevel = LogLevel.INFO
+
+
+@attrs.frozen
+class Loaded:
+    """A configuration, and what had to be corrected in it."""
+
+    config: Config
+    corrections: tuple[Problem, ...] = ()
+
+
+Lookup = Callable[[str], Adapter]
+"""Gives the adapter of a name, or raises ``ConfigError``."""
+
+
+def default_config(lookup: Lookup = load_adapter) -> Loaded:
+    """The embedded default: no file needed."""
+    return parse_config({}, lookup)
+
+
+def load_config(path: Path, lookup: Lookup = load_adapter) -> Loaded:
+    """Read a file. Raises ``ConfigError``: every problem at once, one per line."""
+    return parse_config(read_yaml(path), lookup)
+
+
+def parse_config(document: object, lookup: Lookup = load_adapter) -> Loaded:
+    """Structure what a file holds; an empty one gives the default. Raises as ``load_config``."""
+    structurer = Structurer()
+    structurer.hook(SourceConfig, lambda value: _source(value, structurer, lookup))
+    structurer.hook(Config, lambda value: _config(value, structurer))
+    config = structurer.structure({} if document is None else document, Config)
+    return Loaded(config, tuple(structurer.corrections))
+
+
+def _config(value: object, structurer: Structurer) -> Config:
+    given = structurer.mapping(value)
+    return structurer.fields({"sources": DEFAULT_SOURCES, **given}, Config)
+
+
+def _source(value: object, structurer: Structurer, lookup: Lookup) -> SourceConfig:
+    given = {} if value is None else dict(structurer.mapping(value))
+    options = given.pop("options", None)
+    adapter = _adapter(given.get("adapter"), structurer, lookup)
+    if adapter is not None:
+        given = {"ttl_s": adapter.default_ttl_s, **given}
+        with structurer.at(".options"):
+            given["options"] = structurer.part(options, adapter.options)
+    source = structurer.fields(given, SourceConfig)
+    if source.expiry_s > source.ttl_s:
+        return source
+    with structurer.at(".expiry_s"):
+        structurer.correct(
+            f"{source.expiry_s} is not above ttl_s ({source.ttl_s}); using {10 * source.ttl_s}"
+        )
+    return attrs.evolve(source, expiry_s=10 * source.ttl_s)
+
+
+def _adapter(name: object, structurer: Structurer, lookup: Lookup) -> Adapter | None:
+    with structurer.at(".adapter"):
+        return lookup(name) if isinstance(name, str) else None
+    return None

@@ -1,0 +1,217 @@
+"""The configuration: the embedded default, every key, every mistake with its place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import attrs
+import pytest
+
+from beacon_core.entities import App, Area, Component, Function
+from beacon_core.errors import ConfigError
+from beacon_core.ports.adapter import Adapter, Malformed
+from beacon_core.skew import SkewPolicy
+from beacon_gateway.config import (
+    HttpConfig,
+    LogLevel,
+    SourceConfig,
+    default_config,
+    load_config,
+    parse_config,
+)
+
+
+@attrs.frozen
+class Options:
+    mode: str = attrs.field(
+        default="router", validator=attrs.validators.in_(("router", "client", "peer"))
+    )
+    listen: tuple[str, ...] = ()
+
+
+def lookup(name: str) -> Adapter:
+    if name not in ("radio", "zenoh"):
+        raise ConfigError(f"no adapter {name!r} is installed")
+
+    def nothing(*_: object) -> Any:
+        raise NotImplementedError
+
+    return Adapter(name, Options, lambda _: Malformed(""), nothing, nothing, default_ttl_s=15.0)
+
+
+def problems(document: object) -> list[str]:
+    with pytest.raises(ConfigError) as caught:
+        parse_config(document, lookup)
+    return str(caught.value).splitlines()
+
+
+def source(**given: object) -> dict[str, object]:
+    return {"sources": {"robots": {"adapter": "radio", **given}}}
+
+
+def test_without_a_file_the_gateway_is_its_own_router_for_this_machine() -> None:
+    config = default_config(lookup).config
+    assert config.http == HttpConfig("127.0.0.1", 8080)
+    assert list(config.sources) == ["zenoh"]
+    assert config.sources["zenoh"].options == Options("router", ("tcp/127.0.0.1:7447",))
+    assert config.allow_new_entities
+
+
+def test_the_embedded_default_suits_the_real_adapter() -> None:
+    assert default_config().corrections == ()
+
+
+def test_an_empty_file_and_a_file_without_sources_keep_the_default() -> None:
+    assert parse_config(None, lookup) == default_config(lookup)
+    config = parse_config({"http": {"port": 0}}, lookup).config
+    assert config.http.port == 0
+    assert list(config.sources) == ["zenoh"]
+
+
+def test_every_key_is_taken(tmp_path: Path) -> None:
+    path = tmp_path / "gateway.yaml"
+    path.write_text(
+        """
+        http: {host: 0.0.0.0, port: 80}
+        vendor_name: Acme
+        log_level: debug
+        allow_new_entities: false
+        sources:
+          robots:
+            adapter: radio
+            ttl_s: 2
+            expiry_s: 60
+            max_hints: 5
+            source_rate: 10
+            global_rate: 20
+            skew_policy: arrival
+            options: {mode: client, listen: [a, b]}
+          plant: {adapter: radio}
+        entities:
+          areas: [{id: hall, name: Hall}]
+          components: [{id: ecu, name: ECU}]
+          apps: [{id: app, name: App, component_id: ecu}]
+          functions: [{id: drive, name: Drive, hosts: [app]}]
+        """
+    )
+    loaded = load_config(path, lookup)
+    assert loaded.corrections == ()
+    config = loaded.config
+    assert config.http == HttpConfig("0.0.0.0", 80)  # noqa: S104 - nothing is opened
+    assert (config.vendor_name, config.log_level) == ("Acme", LogLevel.DEBUG)
+    assert not config.allow_new_entities
+    assert config.sources["robots"] == SourceConfig(
+        adapter="radio",
+        ttl_s=2.0,
+        expiry_s=60.0,
+        max_hints=5,
+        source_rate=10.0,
+        global_rate=20.0,
+        skew_policy=SkewPolicy.ARRIVAL,
+        options=Options("client", ("a", "b")),
+    )
+    known = config.entities.known()
+    assert known.areas["hall"] == Area("hall", "Hall")
+    assert known.components["ecu"] == Component("ecu", "ECU", source="manifest")
+    assert known.apps["app"] == App("app", "App", "ecu", source="manifest")
+    assert known.functions["drive"] == Function("drive", "Drive", ("app",), source="manifest")
+
+
+def test_the_adapter_says_the_ttl_where_the_file_does_not() -> None:
+    assert parse_config(source(), lookup).config.sources["robots"].ttl_s == 15.0
+    assert parse_config(source(ttl_s=3), lookup).config.sources["robots"].ttl_s == 3.0
+
+
+def test_every_problem_is_reported_at_once_with_its_path() -> None:
+    document = {
+        "htp": {},
+        "http": {"port": 70000, "prot": 1},
+        "log_level": "loud",
+        "sources": {
+            "a": {"adapter": "carrier-pigeon"},
+            "b": {"adapter": "radio", "options": {"mod": "router", "mode": "ruter", "listen": "x"}},
+            "c": {"adapter": "radio", "ttl": 1, "skew_policy": "atuo"},
+            "d": None,
+            "e": "zenoh",
+            "f": {"adapter": 5},
+        },
+        "entities": {"apps": [{"name": "no id"}, {"id": "a b"}, {"id": "a", "component_id": "!"}]},
+    }
+    an_id = "give an id: 1 to 256 characters of A-Z a-z 0-9 _ -"
+    policies = "stamp, arrival, auto; did you mean 'auto'?"
+    assert problems(document) == [
+        "$.htp: unknown key; did you mean 'http'?",
+        "$.sources.a.adapter: no adapter 'carrier-pigeon' is installed",
+        "$.sources.b.options.mod: unknown key; did you mean 'mode'?",
+        "$.sources.b.options.listen: found the text 'x'; give a list",
+        "$.sources.b.options.mode: 'mode' must be in ('router', 'client', 'peer') (got 'ruter')",
+        "$.sources.c.ttl: unknown key; did you mean 'ttl_s'?",
+        f"$.sources.c.skew_policy: found the text 'atuo'; give one of {policies}",
+        "$.sources.d.adapter: missing; give the name of an installed adapter",
+        "$.sources.e: found the text 'zenoh'; give keys with values",
+        "$.sources.f.adapter: found the number 5; give the name of an installed adapter",
+        "$.http.prot: unknown key; did you mean 'port'?",
+        "$.http.port: found the number 70000; give a port, 0 to 65535 (0: any free one)",
+        "$.entities.apps[0].id: missing; give an id",
+        f"$.entities.apps[1].id: found 'a b'; {an_id}",
+        f"$.entities.apps[2].component_id: found '!'; {an_id}",
+        "$.log_level: found the text 'loud'; give one of debug, info, warning, error",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("key", "given", "used"),
+    [
+        ("ttl_s", 0.0, 0.1),
+        ("ttl_s", -5, 0.1),
+        ("expiry_s", 0.5, 1.0),
+        ("max_hints", 0, 1),
+        ("source_rate", 0.2, 1.0),
+        ("global_rate", 0, 1.0),
+    ],
+)
+def test_a_value_out_of_range_is_corrected_with_a_warning(
+    key: str, given: float, used: float
+) -> None:
+    loaded = parse_config(source(**{"ttl_s": 0.2, key: given}), lookup)
+    assert getattr(loaded.config.sources["robots"], key) == used
+    (correction,) = loaded.corrections
+    assert correction.path == f"$.sources.robots.{key}"
+    assert correction.message.endswith(f"is too small; using {used}")
+
+
+def test_an_expiry_not_above_the_ttl_becomes_ten_times_the_ttl_with_a_warning() -> None:
+    loaded = parse_config(source(ttl_s=20, expiry_s=20), lookup)
+    assert loaded.config.sources["robots"].expiry_s == 200.0
+    assert [str(correction) for correction in loaded.corrections] == [
+        "$.sources.robots.expiry_s: 20.0 is not above ttl_s (20.0); using 200.0"
+    ]
+
+
+@pytest.mark.parametrize("key", ["ttl_s", "expiry_s", "source_rate", "global_rate"])
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), float("-inf")])
+def test_nan_and_infinity_are_refused(key: str, value: float) -> None:
+    assert problems(source(**{key: value})) == [
+        f"$.sources.robots.{key}: found the number {value}; give a finite number"
+    ]
+
+
+def test_no_source_at_all_is_refused() -> None:
+    (problem,) = problems({"sources": {}})
+    assert problem.startswith("$.sources: found no source; give at least one")
+
+
+def test_a_source_needs_a_name_that_can_stand_in_answers() -> None:
+    (problem,) = problems({"sources": {"my robots": {"adapter": "radio"}}})
+    assert problem.startswith("$.sources: found a source named 'my robots'; give a name of")
+
+
+def test_an_id_given_twice_is_refused() -> None:
+    assert problems({"entities": {"apps": [{"id": "a"}, {"id": "b"}, {"id": "a"}]}}) == [
+        "$.entities.apps: given more than once: a; give each id once"
+    ]
+
+
+def test_the_document_must_be_keys_with_values() -> None:
+    assert problems(["http"]) == ["$: found a list of 1; give keys with values"]
