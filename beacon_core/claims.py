@@ -87,8 +87,15 @@ def other_host(one: Speaker, other: Speaker) -> bool:
 
 
 def repeats(message: Speaker, known: Speaker) -> bool:
-    """Is it a numbered message of the same incarnation, and not newer than what was heard of it?"""
-    return 0 < message.sequence <= known.sequence and message.incarnation == known.incarnation
+    """Is it a numbered message of the same incarnation, and not newer than what was heard of it?
+
+    Without an incarnation a number says nothing: a new run would begin at 1 again.
+    """
+    return (
+        bool(message.incarnation)
+        and message.incarnation == known.incarnation
+        and 0 < message.sequence <= known.sequence
+    )
 
 
 def is_new_life(message: Speaker, departed: Speaker) -> bool:

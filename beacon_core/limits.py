@@ -62,14 +62,17 @@ MAX_CLAIMS = 4
 """Rival claims kept per entity. Two make a conflict; more tell no one anything new."""
 
 MAX_HISTORY = 16
-"""Transitions kept per entity: enough to show a flapping robot, bounded when it flaps for a year."""
+"""Transitions kept per entity: they show that a robot flaps, also when it flaps for a year."""
 
 MAX_REMOVED = 10_000
 """Ended ids remembered for ``changes_since``. A reader further behind is given everything."""
 
 MAX_SOURCES = 10_000
 """Sources whose rate and counters are kept apart. Beyond it the least recently heard one is folded
-into the totals, newcomers before known ones, so a flood of invented names pushes out only itself."""
+into the totals, strangers before settled ones, so a flood of invented names displaces itself."""
+
+MAX_SOURCE_NAME = 256
+"""Characters of a source's name that count; names come from outside and are kept."""
 
 MAX_REMEMBERED_BYTES = 16 * 1024 * 1024
 """Payloads remembered so that an unchanged one need not be decoded: 10,000 fleet-sized hints with

@@ -15,11 +15,18 @@ from __future__ import annotations
 
 import enum
 
-__all__ = ["TOLERATED_OFFSET_NS", "ClockOffset", "SkewPolicy", "sent_at_ns"]
+__all__ = ["TOLERATED_OFFSET_NS", "ClockOffset", "SkewPolicy", "trusted_age_ns"]
 
 TOLERATED_OFFSET_NS = 1_000_000_000
 """A clock that is off by more than this is reported. NTP keeps to milliseconds; a second is more
 than a LAN's delay and less than any time to live."""
+
+_WINDOW = 64
+"""Stamps per window. Two windows are kept, so a clock that is set right is seen to be right after
+at most 128 messages."""
+
+_ENOUGH = 3
+"""Stamps before a difference is called skew: a single old message is more often a late one."""
 
 
 class SkewPolicy(enum.StrEnum):
@@ -41,10 +48,6 @@ class ClockOffset:
 
     __slots__ = ("_count", "_earlier_ns", "_smallest_ns")
 
-    _WINDOW = 64
-    """Stamps per window. Two windows are kept, so a clock that is set right is seen to be right
-    after at most 128 messages."""
-
     def __init__(self) -> None:
         self._count = 0
         self._smallest_ns = 0
@@ -53,7 +56,7 @@ class ClockOffset:
     def observe(self, stamp_ns: int, wall_now_ns: int) -> None:
         """Take one stamp into account that arrived at ``wall_now_ns``."""
         difference = wall_now_ns - stamp_ns
-        if self._count == self._WINDOW:
+        if self._count == _WINDOW:
             self._earlier_ns, self._count = self._smallest_ns, 0
         if self._count == 0 or difference < self._smallest_ns:
             self._smallest_ns = difference
@@ -70,18 +73,18 @@ class ClockOffset:
 
     @property
     def skewed(self) -> bool:
-        """The offset is more than ``TOLERATED_OFFSET_NS`` either way."""
+        """The offset is more than ``TOLERATED_OFFSET_NS`` either way, and not just one delay."""
         offset = self.offset_ns
-        return offset is not None and abs(offset) > TOLERATED_OFFSET_NS
+        enough = self._count >= _ENOUGH or self._earlier_ns is not None
+        return enough and offset is not None and abs(offset) > TOLERATED_OFFSET_NS
 
 
-def sent_at_ns(
-    stamp_ns: int, *, wall_now_ns: int, now_ns: int, expiry_ns: int, policy: SkewPolicy
-) -> int:
-    """When a message with this stamp was sent, on the monotonic clock; never after ``now_ns``."""
-    age_ns = wall_now_ns - stamp_ns
-    if age_ns <= 0 or policy is SkewPolicy.ARRIVAL:
-        return now_ns
-    if policy is SkewPolicy.AUTO and age_ns >= expiry_ns:
-        return now_ns
-    return now_ns - age_ns
+def trusted_age_ns(age_ns: int, expiry_ns: int, policy: SkewPolicy) -> int | None:
+    """The age to give a message whose stamp says ``age_ns`` (our wall clock less the stamp).
+
+    A stamp in the future says "just now": 0. ``None``: the policy does not believe this stamp, and
+    the message counts as sent when it arrived.
+    """
+    if policy is SkewPolicy.ARRIVAL or (policy is SkewPolicy.AUTO and age_ns >= expiry_ns):
+        return None
+    return max(0, age_ns)

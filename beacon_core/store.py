@@ -134,11 +134,18 @@ class HintStore:
             return verdict, record.content if held and record is not None else 0
 
     def refresh(
-        self, entity_id: str, content: int, source: str, incarnation: str, sequence: int
+        self,
+        entity_id: str,
+        content: int,
+        source: str,
+        incarnation: str,
+        sequence: int,
+        sent_ns: int | None,
     ) -> Verdict | None:
         """The short way for a message known to say what this entity's holder said last.
 
-        ``content`` is what :meth:`take` returned for that message. Returns ``REFRESHED``, or
+        ``content`` is what :meth:`take` returned for that message; ``sent_ns`` as in
+        ``update``'s ``received_at_ns``, and not in the future. Returns ``REFRESHED``, or
         ``OLDER`` for a late or repeated message, or ``None`` if anything is not as it was then:
         ``take`` is the way.
         """
@@ -156,14 +163,15 @@ class HintStore:
                 or record.incarnation != incarnation
             ):
                 return None
-            if sequence:
-                if sequence <= record.sequence:
-                    return _OLDER
-                record.sequence = sequence
-            if now_ns > record.last_seen_ns:
-                record.last_seen_ns = now_ns
+            if sent_ns is None:
+                sent_ns = now_ns
+            if sent_ns < record.last_seen_ns or (incarnation and 0 < sequence <= record.sequence):
+                return _OLDER
+            record.sequence = sequence
+            if sent_ns > record.last_seen_ns:
+                record.last_seen_ns = sent_ns
                 record.view = None
-                deadline_ns = now_ns + self.ttl_ns
+                deadline_ns = sent_ns + self.ttl_ns
                 # Nearly always the deadline stays in its slot: then there is nothing to re-file.
                 if deadline_ns >> self._shift == record.slot > self._due.horizon:
                     record.deadline_ns = deadline_ns

@@ -1,0 +1,258 @@
+"""The one road in: rate -> size -> (same as before? refresh) -> decode -> validate -> store.
+
+Every adapter's messages end here, so they are all treated alike, and every message ends in exactly
+one counter of its source.
+
+An unchanged message is the common one. A payload that is equal, byte for byte, to the last one that
+was accepted for an entity from the same announcer needs no decoding: it refreshes. The other way
+round is not promised, and nothing depends on it: equal hints may come in different bytes (CDR's
+padding is arbitrary), and the memory is bounded.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+
+from beacon_core.claims import Claimant
+from beacon_core.clock import Clock
+from beacon_core.hint import Announcement
+from beacon_core.limits import (
+    DEFAULT_LIMITS,
+    MAX_PAYLOAD_BYTES,
+    MAX_REMEMBERED_BYTES,
+    HintLimits,
+)
+from beacon_core.memory import PayloadMemory
+from beacon_core.outcome import ACCEPTED, Outcome, Verdict
+from beacon_core.ports.adapter import Decoder, Malformed
+from beacon_core.skew import ClockOffset, SkewPolicy, trusted_age_ns
+from beacon_core.sources import Source, SourceReport, Sources
+from beacon_core.store import HintStore
+from beacon_core.text import quoted
+from beacon_core.token_bucket import FairGate, TokenBucket
+from beacon_core.validator import Rejected, validate
+
+__all__ = ["Intake"]
+
+_log = logging.getLogger(__name__)
+
+_BAD_INPUT_COST = 9.0
+"""Tokens that a message costs its source beyond the one it took, if it cannot be used: refusing
+one is as much work as taking ten."""
+
+_LOG_RATE = 1.0
+_LOG_BURST = 20.0
+"""Log lines per second, and at once, that all sources together can cause."""
+
+_REFRESHED = Verdict.REFRESHED
+_BAD_INPUT = frozenset({Verdict.TOO_LARGE, Verdict.MALFORMED, Verdict.INVALID})
+_DROPPED = {one: Outcome(one) for one in (Verdict.SOURCE_RATE, Verdict.GLOBAL_RATE)}
+
+
+class Intake:
+    """Implements :class:`beacon_core.ports.sink.HintSink` over a store.
+
+    Thread rule: every method may be called from any thread. Messages handed in by one thread take
+    effect in that order. No method raises for anything that came from outside.
+    """
+
+    def __init__(
+        self,
+        store: HintStore,
+        decode: Decoder,
+        *,
+        limits: HintLimits = DEFAULT_LIMITS,
+        source_rate: float = 100.0,
+        global_rate: float = 10_000.0,
+        skew_policy: SkewPolicy = SkewPolicy.AUTO,
+    ) -> None:
+        """Rates in messages per second, each with a burst of one second's worth.
+
+        Raises ``ConfigError`` for rates that are not finite or below 1.
+        """
+        self.store = store
+        self._decode = decode
+        self._limits = limits
+        self._policy = skew_policy
+        self._clock: Clock = store.clock
+        self._now_ns = store.clock.monotonic_ns
+        self._lock = threading.Lock()
+        now_ns = self._now_ns()
+        self._gate = FairGate(source_rate=source_rate, global_rate=global_rate, now_ns=now_ns)
+        self._sources = Sources(self._gate)
+        self._memory = PayloadMemory(MAX_REMEMBERED_BYTES)
+        self._log_lines = TokenBucket(_LOG_RATE, capacity=_LOG_BURST, now_ns=now_ns)
+
+    def offer(
+        self,
+        payload: bytes,
+        source: str,
+        *,
+        stamp_ns: int = 0,
+        incarnation: str = "",
+        sequence: int = 0,
+    ) -> Outcome:
+        """Hand in one message as it arrived; see the port for the arguments."""
+        now_ns = self._now_ns()
+        sent_ns: int | None = None
+        refreshed: Outcome | None = None
+        with self._lock:
+            account = self._sources.find(source) or self._sources.meet(source, now_ns)
+            dropped = self._gate.admit(account.bucket, now_ns, account.settled)
+            if dropped is None:
+                if stamp_ns:
+                    sent_ns = self._sent_ns(account, stamp_ns, now_ns)
+                known = self._memory.recall(payload)
+                if known is not None:
+                    content, refreshed = known
+                    verdict = self.store.refresh(
+                        refreshed.entity_id, content, source, incarnation, sequence, sent_ns
+                    )
+                    if verdict is None:
+                        refreshed = None
+                    else:
+                        account.counts[verdict] += 1
+                        if verdict is not _REFRESHED:
+                            refreshed = Outcome(verdict, refreshed.entity_id)
+        if stamp_ns:
+            self._report_skew(account)
+        if refreshed is not None:
+            return refreshed
+        if dropped is not None:
+            return self._finish(account, _DROPPED[dropped])
+        return self._read(payload, account, source, sent_ns, incarnation, sequence)
+
+    def goodbye(
+        self, entity_id: str, source: str, *, incarnation: str = "", sequence: int = 0
+    ) -> Outcome:
+        """The announcer of ``entity_id`` said that it is leaving."""
+        now_ns = self._now_ns()
+        with self._lock:
+            account = self._sources.find(source) or self._sources.meet(source, now_ns)
+            dropped = self._gate.admit(account.bucket, now_ns, account.settled)
+        if dropped is not None:
+            return self._finish(account, _DROPPED[dropped])
+        verdict = self.store.goodbye(
+            entity_id, source=source, incarnation=incarnation, sequence=sequence
+        )
+        return self._finish(account, Outcome(verdict, entity_id))
+
+    def lost(
+        self, entity_id: str, source: str, *, incarnation: str = "", reason: str = "connection lost"
+    ) -> Outcome:
+        """The carrier saw the announcer of ``entity_id`` vanish. Not limited in rate: it is the
+        carrier that speaks."""
+        with self._lock:
+            account = self._sources.find(source) or self._sources.meet(source, self._now_ns())
+        verdict = self.store.lost(entity_id, source=source, incarnation=incarnation, reason=reason)
+        return self._finish(account, Outcome(verdict, entity_id))
+
+    def totals(self) -> dict[Verdict, int]:
+        """Messages by verdict, over all sources that ever spoke; every verdict is a key."""
+        with self._lock:
+            return self._sources.totals()
+
+    def sources(self) -> list[SourceReport]:
+        """One report for each source still told apart."""
+        with self._lock:
+            return self._sources.reports()
+
+    def _read(
+        self,
+        payload: bytes,
+        account: Source,
+        source: str,
+        sent_ns: int | None,
+        incarnation: str,
+        sequence: int,
+    ) -> Outcome:
+        """The long way: decode, validate, store."""
+        if len(payload) > MAX_PAYLOAD_BYTES:
+            detail = f"$: {len(payload)} bytes, at most {MAX_PAYLOAD_BYTES} are read"
+            return self._finish(account, Outcome(Verdict.TOO_LARGE, detail=detail))
+        announcement = self._decoded(payload)
+        if isinstance(announcement, Outcome):
+            return self._finish(account, announcement)
+        checked = validate(announcement.hint, self._limits)
+        if isinstance(checked, Rejected):
+            return self._finish(account, Outcome(Verdict.INVALID, detail=checked.reason))
+        hint = checked.hint
+        stamped = announcement.stamp_ns
+        if stamped and sent_ns is None:
+            with self._lock:
+                sent_ns = self._sent_ns(account, stamped, self._now_ns())
+            self._report_skew(account)
+        message = Claimant(hint, source, incarnation, sequence, sent_ns or 0)
+        verdict, content = self.store.take(message, arrived=sent_ns is None)
+        repairs = announcement.repairs + checked.repairs
+        # A payload with a stamp of its own says something new each time.
+        if content and not stamped and not repairs:
+            with self._lock:
+                self._memory.remember(payload, hint.entity_id, content)
+        return self._finish(account, Outcome(verdict, hint.entity_id, repairs))
+
+    def _decoded(self, payload: bytes) -> Announcement | Outcome:
+        try:
+            announcement = self._decode(payload)
+        except Exception:  # noqa: BLE001
+            # Decoders return what they cannot read; this one is broken, and the road goes on.
+            _log.exception("the decoder raised; please report this with the traceback")
+            return Outcome(Verdict.FAULT, detail="the decoder raised an exception")
+        if isinstance(announcement, Malformed):
+            return Outcome(Verdict.MALFORMED, detail=announcement.reason)
+        return announcement
+
+    def _sent_ns(self, account: Source, stamp_ns: int, now_ns: int) -> int:
+        """When a stamped message was sent, on our monotonic clock. Called under the lock."""
+        clock = account.clock
+        if clock is None:
+            clock = account.clock = ClockOffset()
+        wall_ns = self._clock.wall_ns()
+        clock.observe(stamp_ns, wall_ns)
+        age_ns = trusted_age_ns(wall_ns - stamp_ns, self.store.expiry_ns, self._policy)
+        if age_ns is None:
+            account.distrusted += 1
+            return now_ns
+        return now_ns - age_ns
+
+    def _report_skew(self, account: Source) -> None:
+        """Say once per source that its clock is off."""
+        with self._lock:
+            clock = account.clock
+            news = clock is not None and clock.skewed and not account.skew_reported
+            if news:
+                account.skew_reported = True
+            worth_a_line = news and self._log_lines.try_consume(self._now_ns())
+        if worth_a_line and clock is not None and clock.offset_ns is not None:
+            _log.warning(
+                "%s: its clock is %.3f s %s ours; stamps are used by the policy %r",
+                quoted(account.name),
+                abs(clock.offset_ns) / 1e9,
+                "behind" if clock.offset_ns > 0 else "ahead of",
+                str(self._policy),
+            )
+
+    def _finish(self, account: Source, outcome: Outcome) -> Outcome:
+        """Count, charge and report."""
+        verdict = outcome.verdict
+        with self._lock:
+            account.counts[verdict] += 1
+            count = account.counts[verdict]
+            if verdict in ACCEPTED:
+                account.settled = True
+                account.repaired += bool(outcome.repairs)
+                return outcome
+            if verdict in _BAD_INPUT:
+                account.bucket.charge(_BAD_INPUT_COST)
+            worth_a_line = _is_power_of_ten(count) and self._log_lines.try_consume(self._now_ns())
+        if worth_a_line:
+            _log.warning(
+                "%s: %s (%d so far) %s", quoted(account.name), verdict, count, outcome.detail
+            )
+        return outcome
+
+
+def _is_power_of_ten(count: int) -> bool:
+    """Lines about one thing become rarer as it goes on: the 1st, the 10th, the 100th, ..."""
+    return str(count).rstrip("0") == "1"
