@@ -7,21 +7,19 @@ go first, then a list is cut to its cap, in the order of arrival.
 
 from __future__ import annotations
 
-import re
 import string
 from collections.abc import Iterable, Mapping, Sized
 
 import attrs
 
 from beacon_core.hint import BeaconHint
-from beacon_core.limits import DEFAULT_LIMITS, MAX_REPAIRS, HintLimits
+from beacon_core.limits import DEFAULT_LIMITS, HintLimits
+from beacon_core.repairs import Repairs, mended
 from beacon_core.text import quoted
 
 __all__ = ["Accepted", "Rejected", "is_valid_id", "validate"]
 
 _ID_BYTES = (string.ascii_letters + string.digits + "_-").encode()
-_SURROGATE = re.compile("[\ud800-\udfff]")
-_REPLACEMENT = "\N{REPLACEMENT CHARACTER}"
 _MAX_PROCESS_ID = 2**32 - 1
 _FREE_STRINGS = 5
 
@@ -58,8 +56,8 @@ def validate(hint: BeaconHint, limits: HintLimits = DEFAULT_LIMITS) -> Accepted 
             f" (1..{limits.max_id_length} of A-Z a-z 0-9 _ -)"
         )
     mender = _Mender(limits)
-    mended = mender.mend(hint)
-    return Accepted(mended, mender.repairs())
+    mended_hint, repairs = mender.mend(hint), mender.repairs.all()
+    return Accepted(mended_hint if repairs else hint, repairs)
 
 
 def is_valid_id(text: str) -> bool:
@@ -77,6 +75,8 @@ def _is_id(text: str, max_length: int) -> bool:
 
 def _is_clean(hint: BeaconHint, limits: HintLimits) -> bool:
     """Whether there is nothing to mend. Nearly every hint is clean, so this is made to be fast.
+
+    It may say no to a clean hint if limits are unusual, but never yes to another.
 
     Fields that share an alphabet or a limit are looked at together: if the sum of their lengths
     is within it, each is. Nothing is put between them, so there is no separator to smuggle in.
@@ -135,9 +135,9 @@ class _Mender:
     """Mends one hint, field by field, and writes down what it did."""
 
     def __init__(self, limits: HintLimits) -> None:
+        self.repairs = Repairs()
         self._limits = limits
-        self._notes: list[str] = []
-        self._count = 0
+        self._note = self.repairs.note
 
     def mend(self, hint: BeaconHint) -> BeaconHint:
         limits = self._limits
@@ -156,12 +156,6 @@ class _Mender:
             metadata=self._metadata(hint.metadata),
         )
 
-    def repairs(self) -> tuple[str, ...]:
-        if self._count <= MAX_REPAIRS:
-            return tuple(self._notes)
-        shown = self._notes[: MAX_REPAIRS - 1]
-        return (*shown, f"... and {self._count - len(shown)} more")
-
     def _id(self, text: str, field: str) -> str:
         if text == "" or _is_id(text, self._limits.max_id_length):
             return text
@@ -175,9 +169,7 @@ class _Mender:
                 good.append(text)
             else:
                 self._note("not an id, dropped", field, index)
-        if len(good) > cap:
-            self._note(f"{len(good)} entries, kept the first {cap}", field)
-        return tuple(good[:cap])
+        return tuple(self._first(good, cap, field))
 
     def _metadata(self, metadata: Mapping[str, str]) -> dict[str, str]:
         limits = self._limits
@@ -187,11 +179,14 @@ class _Mender:
                 good.append(key)
             else:
                 self._note("not a key, dropped", "metadata", key)
-        cap = limits.max_metadata_entries
-        if len(good) > cap:
-            self._note(f"{len(good)} entries, kept the first {cap}", "metadata")
+        kept = self._first(good, limits.max_metadata_entries, "metadata")
         longest = limits.max_metadata_value_length
-        return {key: self._text(metadata[key], longest, "metadata", key) for key in good[:cap]}
+        return {key: self._text(metadata[key], longest, "metadata", key) for key in kept}
+
+    def _first(self, entries: list[str], cap: int, field: str) -> list[str]:
+        if len(entries) > cap:
+            self._note(f"{len(entries)} entries, kept the first {cap}", field)
+        return entries[:cap]
 
     def _process_id(self, number: int) -> int:
         if 0 <= number <= _MAX_PROCESS_ID:
@@ -205,26 +200,13 @@ class _Mender:
     def _text(self, text: str, limit: int, field: str, key: str | None = None) -> str:
         if len(text) <= limit and text.isascii():
             return text
-        text, replaced = _SURROGATE.subn(_REPLACEMENT, text)
-        if replaced:
+        clean = mended(text)
+        if clean != text:
             self._note("not UTF-8, repaired with U+FFFD", field, key)
-        data = text.encode()
+        data = clean.encode()
         if len(data) <= limit:
-            return text
-        # Only the cut itself can leave something that is not UTF-8: a part of its last character.
+            return clean
+        # The cut can leave nothing that is not UTF-8 but a part of its last character.
         kept = data[:limit].decode(errors="ignore")
         self._note(f"truncated {len(data)} -> {len(kept.encode())} bytes", field, key)
         return kept
-
-    def _note(self, done: str, field: str, part: int | str | None = None) -> None:
-        self._count += 1
-        if self._count <= MAX_REPAIRS:
-            self._notes.append(f"{_place(field, part)}: {done}")
-
-
-def _place(field: str, part: int | str | None) -> str:
-    if part is None:
-        return f"$.{field}"
-    if isinstance(part, str) and is_valid_id(part):
-        return f"$.{field}.{part}"
-    return f"$.{field}[{quoted(part) if isinstance(part, str) else part}]"
