@@ -15,6 +15,7 @@ still the one it was pushed with.
 from __future__ import annotations
 
 import heapq
+from collections.abc import Callable
 from typing import Generic, Protocol, TypeVar
 
 __all__ = ["NEVER", "DeadlineQueue", "Timed"]
@@ -33,8 +34,12 @@ _SLACK = 64
 class Timed(Protocol):
     """What the queue needs of a record. It alone writes the first two fields."""
 
-    deadline_ns: int
+    due_ns: int
+    """The deadline it stands in the heap with."""
     slot: int
+    """The slot it is filed under."""
+    slot_end_ns: int
+    """Its deadline may move freely up to here, without a word to the queue."""
 
     @property
     def entity_id(self) -> str:
@@ -47,44 +52,47 @@ T = TypeVar("T", bound=Timed)
 class DeadlineQueue(Generic[T]):
     """Thread rule: none of its own; the owner holds a lock."""
 
-    def __init__(self, interval_ns: int) -> None:
-        """``interval_ns``: the shortest usual time from scheduling to deadline."""
-        self.shift = max(0, (interval_ns // _SLOTS_PER_TTL).bit_length() - 1)
-        """A deadline's slot is ``deadline_ns >> shift``."""
+    def __init__(self, interval_ns: int, deadline_ns: Callable[[T], int]) -> None:
+        """``interval_ns``: the shortest usual time from scheduling to deadline.
+
+        ``deadline_ns`` tells an item's deadline at any time.
+        """
+        self._deadline_ns = deadline_ns
+        self._shift = max(0, (interval_ns // _SLOTS_PER_TTL).bit_length() - 1)
+        # A deadline's slot is its nanoseconds, shifted right by this.
         self._slots: dict[int, set[T]] = {}
         self._slot_order: list[int] = []
         self._near: list[tuple[int, str, int, T]] = []
         self._near_limit = _SLACK
-        self.horizon = NEVER
-        """Slots up to this one have been sorted into the heap."""
+        self._horizon = NEVER
+        # Slots up to this one have been sorted into the heap.
         self._serial = 0
 
     def schedule(self, item: T, deadline_ns: int) -> None:
         """File ``item`` under a new deadline, instead of the one it may have. O(1) if far away."""
-        slot = deadline_ns >> self.shift
-        if slot != item.slot:
-            self._leave_slot(item)
-            item.slot = slot
-            if slot > self.horizon:
-                self._enter_slot(item)
-        item.deadline_ns = deadline_ns
-        if slot <= self.horizon:
-            self._push(item)
+        slot = deadline_ns >> self._shift
+        if slot <= self._horizon:
+            self.cancel(item)
+            self._push(item, deadline_ns)
+        elif slot != item.slot:
+            self.cancel(item)
+            item.slot, item.slot_end_ns = slot, (slot + 1) << self._shift
+            self._enter_slot(item)
 
     def cancel(self, item: T) -> None:
         """Take ``item`` out; nothing happens if it is not in."""
         self._leave_slot(item)
-        item.slot = item.deadline_ns = NEVER
+        item.slot = item.slot_end_ns = item.due_ns = NEVER
 
     def pop_due(self, now_ns: int) -> tuple[int, T] | None:
         """Take out the earliest deadline at or before ``now_ns``, and its item, if there is one."""
-        while self._slot_order and self._slot_order[0] <= now_ns >> self.shift:
+        while self._slot_order and self._slot_order[0] <= now_ns >> self._shift:
             self._bring_near()
         self._drop_invalid()
         if not self._near or self._near[0][0] > now_ns:
             return None
         deadline_ns, *_, item = heapq.heappop(self._near)
-        item.slot = item.deadline_ns = NEVER
+        item.due_ns = NEVER
         return deadline_ns, item
 
     def next_deadline_ns(self) -> int | None:
@@ -109,18 +117,20 @@ class DeadlineQueue(Generic[T]):
 
     def _bring_near(self) -> None:
         slot = heapq.heappop(self._slot_order)
-        self.horizon = slot
+        self._horizon = slot
         for item in self._slots.pop(slot):
-            self._push(item)
+            item.slot = item.slot_end_ns = NEVER
+            self._push(item, self._deadline_ns(item))
 
-    def _push(self, item: T) -> None:
+    def _push(self, item: T, deadline_ns: int) -> None:
         if len(self._near) >= self._near_limit:
             self._near = [entry for entry in self._near if _valid(entry)]
             heapq.heapify(self._near)
             self._near_limit = 2 * len(self._near) + _SLACK
         # The serial keeps two records of one id, an ended and a new one, out of comparisons.
         self._serial += 1
-        heapq.heappush(self._near, (item.deadline_ns, item.entity_id, self._serial, item))
+        item.due_ns = deadline_ns
+        heapq.heappush(self._near, (deadline_ns, item.entity_id, self._serial, item))
 
     def _drop_invalid(self) -> None:
         while self._near and not _valid(self._near[0]):
@@ -128,4 +138,4 @@ class DeadlineQueue(Generic[T]):
 
 
 def _valid(entry: tuple[int, str, int, Timed]) -> bool:
-    return entry[-1].deadline_ns == entry[0]
+    return entry[-1].due_ns == entry[0]

@@ -12,7 +12,6 @@ padding is arbitrary), and the memory is bounded.
 from __future__ import annotations
 
 import logging
-import threading
 
 from beacon_core.claims import Claimant
 from beacon_core.clock import Clock
@@ -37,7 +36,7 @@ __all__ = ["Intake"]
 
 _log = logging.getLogger(__name__)
 
-_BAD_INPUT_COST = 9.0
+_BAD_INPUT_COST = 9
 """Tokens that a message costs its source beyond the one it took, if it cannot be used: refusing
 one is as much work as taking ten."""
 
@@ -45,7 +44,6 @@ _LOG_RATE = 1.0
 _LOG_BURST = 20.0
 """Log lines per second, and at once, that all sources together can cause."""
 
-_REFRESHED = Verdict.REFRESHED
 _BAD_INPUT = frozenset({Verdict.TOO_LARGE, Verdict.MALFORMED, Verdict.INVALID})
 _DROPPED = {one: Outcome(one) for one in (Verdict.SOURCE_RATE, Verdict.GLOBAL_RATE)}
 
@@ -77,11 +75,17 @@ class Intake:
         self._policy = skew_policy
         self._clock: Clock = store.clock
         self._now_ns = store.clock.monotonic_ns
-        self._lock = threading.Lock()
+        # The store's own: the short way needs both, and taking one lock is cheaper than two.
+        self._lock = store.lock
         now_ns = self._now_ns()
-        self._gate = FairGate(source_rate=source_rate, global_rate=global_rate, now_ns=now_ns)
-        self._sources = Sources(self._gate)
+        self._gate = FairGate(source_rate=source_rate, global_rate=global_rate)
+        self._sources = Sources()
         self._memory = PayloadMemory(MAX_REMEMBERED_BYTES)
+        # Looked up once: these run for every message.
+        self._admit = self._gate.admit
+        self._find = self._sources.find
+        self._recall = self._memory.recall
+        self._refresh = store.refresh
         self._log_lines = TokenBucket(_LOG_RATE, capacity=_LOG_BURST, now_ns=now_ns)
 
     def offer(
@@ -94,34 +98,31 @@ class Intake:
         sequence: int = 0,
     ) -> Outcome:
         """Hand in one message as it arrived; see the port for the arguments."""
-        now_ns = self._now_ns()
-        sent_ns: int | None = None
+        now_ns = sent_ns = self._now_ns()
         refreshed: Outcome | None = None
         with self._lock:
-            account = self._sources.find(source) or self._sources.meet(source, now_ns)
-            dropped = self._gate.admit(account.bucket, now_ns, account.settled)
+            account = self._find(source) or self._sources.meet(source)
+            dropped = self._admit(account, now_ns, account.settled)
             if dropped is None:
                 if stamp_ns:
                     sent_ns = self._sent_ns(account, stamp_ns, now_ns)
-                known = self._memory.recall(payload)
+                known = account.known if payload == account.payload else self._recall(payload)
                 if known is not None:
-                    content, refreshed = known
-                    verdict = self.store.refresh(
-                        refreshed.entity_id, content, source, incarnation, sequence, sent_ns
-                    )
-                    if verdict is None:
-                        refreshed = None
-                    else:
-                        account.counts[verdict] += 1
-                        if verdict is not _REFRESHED:
-                            refreshed = Outcome(verdict, refreshed.entity_id)
+                    speaker, run, record, version, outcome = known
+                    if (
+                        speaker is account
+                        and run == incarnation
+                        and self._refresh(record, version, sequence, sent_ns, now_ns)
+                    ):
+                        account.refreshed += 1
+                        refreshed = outcome
         if stamp_ns:
             self._report_skew(account)
         if refreshed is not None:
             return refreshed
         if dropped is not None:
             return self._finish(account, _DROPPED[dropped])
-        return self._read(payload, account, source, sent_ns, incarnation, sequence)
+        return self._read(payload, account, sent_ns, incarnation, sequence)
 
     def goodbye(
         self, entity_id: str, source: str, *, incarnation: str = "", sequence: int = 0
@@ -129,12 +130,12 @@ class Intake:
         """The announcer of ``entity_id`` said that it is leaving."""
         now_ns = self._now_ns()
         with self._lock:
-            account = self._sources.find(source) or self._sources.meet(source, now_ns)
-            dropped = self._gate.admit(account.bucket, now_ns, account.settled)
+            account = self._find(source) or self._sources.meet(source)
+            dropped = self._admit(account, now_ns, account.settled)
         if dropped is not None:
             return self._finish(account, _DROPPED[dropped])
         verdict = self.store.goodbye(
-            entity_id, source=source, incarnation=incarnation, sequence=sequence
+            entity_id, source=account.name, incarnation=incarnation, sequence=sequence
         )
         return self._finish(account, Outcome(verdict, entity_id))
 
@@ -144,8 +145,10 @@ class Intake:
         """The carrier saw the announcer of ``entity_id`` vanish. Not limited in rate: it is the
         carrier that speaks."""
         with self._lock:
-            account = self._sources.find(source) or self._sources.meet(source, self._now_ns())
-        verdict = self.store.lost(entity_id, source=source, incarnation=incarnation, reason=reason)
+            account = self._find(source) or self._sources.meet(source)
+        verdict = self.store.lost(
+            entity_id, source=account.name, incarnation=incarnation, reason=reason
+        )
         return self._finish(account, Outcome(verdict, entity_id))
 
     def totals(self) -> dict[Verdict, int]:
@@ -162,8 +165,7 @@ class Intake:
         self,
         payload: bytes,
         account: Source,
-        source: str,
-        sent_ns: int | None,
+        sent_ns: int,
         incarnation: str,
         sequence: int,
     ) -> Outcome:
@@ -179,26 +181,26 @@ class Intake:
             return self._finish(account, Outcome(Verdict.INVALID, detail=checked.reason))
         hint = checked.hint
         stamped = announcement.stamp_ns
-        if stamped and sent_ns is None:
+        if stamped:
             with self._lock:
                 sent_ns = self._sent_ns(account, stamped, self._now_ns())
             self._report_skew(account)
-        message = Claimant(hint, source, incarnation, sequence, sent_ns or 0)
-        verdict, content = self.store.take(message, arrived=sent_ns is None)
+        message = Claimant(hint, account.name, incarnation, sequence, sent_ns)
+        verdict, record, version = self.store.take(message)
         repairs = announcement.repairs + checked.repairs
-        # A payload with a stamp of its own says something new each time.
-        if content and not stamped and not repairs:
+        # A payload with a stamp of its own is never the same again; one with repairs is read
+        # again each time, so that they are reported each time.
+        if record is not None and not stamped and not repairs:
             with self._lock:
-                self._memory.remember(payload, hint.entity_id, content)
+                self._memory.remember(payload, account, incarnation, record, version)
         return self._finish(account, Outcome(verdict, hint.entity_id, repairs))
 
     def _decoded(self, payload: bytes) -> Announcement | Outcome:
         try:
             announcement = self._decode(payload)
-        except Exception:  # noqa: BLE001
+        except Exception as error:  # noqa: BLE001
             # Decoders return what they cannot read; this one is broken, and the road goes on.
-            _log.exception("the decoder raised; please report this with the traceback")
-            return Outcome(Verdict.FAULT, detail="the decoder raised an exception")
+            return Outcome(Verdict.FAULT, detail=f"the decoder raised {quoted(repr(error))}")
         if isinstance(announcement, Malformed):
             return Outcome(Verdict.MALFORMED, detail=announcement.reason)
         return announcement
@@ -244,7 +246,7 @@ class Intake:
                 account.repaired += bool(outcome.repairs)
                 return outcome
             if verdict in _BAD_INPUT:
-                account.bucket.charge(_BAD_INPUT_COST)
+                self._gate.charge(account, _BAD_INPUT_COST, self._now_ns())
             worth_a_line = _is_power_of_ten(count) and self._log_lines.try_consume(self._now_ns())
         if worth_a_line:
             _log.warning(

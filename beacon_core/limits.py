@@ -19,6 +19,7 @@ __all__ = [
     "MAX_PAYLOAD_BYTES",
     "MAX_REMEMBERED_BYTES",
     "MAX_REPAIRS",
+    "MAX_SHORTCUT_BYTES",
     "MAX_SKIPS_LOGGED",
     "MAX_SOURCES",
     "MAX_STORE_BYTES",
@@ -77,6 +78,9 @@ MAX_SOURCE_NAME = 256
 MAX_REMEMBERED_BYTES = 16 * 1024 * 1024
 """Payloads remembered so that an unchanged one need not be decoded: 10,000 fleet-sized hints with
 room for three times as many. Beyond it payloads are simply decoded."""
+
+MAX_SHORTCUT_BYTES = 1024
+"""The largest payload that a source's account keeps at hand: 10 MB over all accounts."""
 
 MAX_REPAIRS = 32
 """Repairs reported per hint; a hint with 10,000 bad ids is reported as 31 and "… and more"."""

@@ -25,9 +25,8 @@ class Record:
 
     __slots__ = (
         "cause",
-        "content",
-        "deadline_ns",
         "detail",
+        "due_ns",
         "first_seen_ns",
         "hint",
         "history",
@@ -39,6 +38,7 @@ class Record:
         "sequence",
         "size",
         "slot",
+        "slot_end_ns",
         "source",
         "status",
         "view",
@@ -58,11 +58,10 @@ class Record:
         self.restarts = 0
         self.size = hint_bytes(first.hint)
         self.revision = 0
-        self.content = 0
-        """The revision at which ``hint`` or its holder last changed."""
-        self.deadline_ns = self.slot = NEVER
+        """The store's revision at the last change; 0 once the record has ended."""
+        self.due_ns = self.slot = self.slot_end_ns = NEVER
         self.view: StoredHint | None = None
-        """The latest view, until anything in it changes."""
+        """The latest view; still true unless it was dropped or ``last_seen_ns`` has moved on."""
 
     @property
     def entity_id(self) -> str:
@@ -83,7 +82,7 @@ class Record:
 
     def given_out(self) -> StoredHint:
         """The view of this record as it is now."""
-        if self.view is None:
+        if self.view is None or self.view.last_seen_ns != self.last_seen_ns:
             self.view = StoredHint(
                 hint=self.hint,
                 status=self.status,

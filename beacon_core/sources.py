@@ -8,30 +8,46 @@ from collections.abc import Mapping
 import attrs
 
 from beacon_core.limits import MAX_SOURCE_NAME, MAX_SOURCES
-from beacon_core.outcome import Verdict
+from beacon_core.outcome import Outcome, Verdict
+from beacon_core.record import Record
 from beacon_core.skew import ClockOffset
-from beacon_core.token_bucket import FairGate, TokenBucket
 
-__all__ = ["Source", "SourceReport", "Sources"]
+__all__ = ["Known", "Source", "SourceReport", "Sources"]
+
+Known = tuple["Source", str, Record, int, Outcome]
+"""A payload that was accepted: who sent it, in which incarnation; the record it led to, in which
+version; and the outcome of hearing it again."""
 
 
 class Source:
-    """One source's account. Thread rule: none of its own; the intake holds its lock."""
+    """One source's account: its bucket, and what is known of it.
+
+    Thread rule: none of its own; the intake holds its lock.
+    """
 
     __slots__ = (
-        "bucket",
+        "busy_until_ns",
         "clock",
         "counts",
         "distrusted",
+        "known",
         "name",
+        "payload",
+        "refreshed",
         "repaired",
         "settled",
         "skew_reported",
     )
 
-    def __init__(self, name: str, bucket: TokenBucket) -> None:
+    def __init__(self, name: str) -> None:
         self.name = name
-        self.bucket = bucket
+        self.busy_until_ns = 0
+        """Its bucket; see :class:`beacon_core.token_bucket.FairGate`."""
+        self.payload = b""
+        """The last payload of an entity it speaks for, and below what is known of it."""
+        self.known: Known | None = None
+        self.refreshed = 0
+        """The count that nearly every message goes to, kept apart from the others for speed."""
         self.counts: defaultdict[Verdict, int] = defaultdict(int)
         self.repaired = 0
         self.settled = False
@@ -41,6 +57,13 @@ class Source:
         self.distrusted = 0
         """Stamps that were not believed."""
         self.skew_reported = False
+
+    def all_counts(self) -> dict[Verdict, int]:
+        """Messages by verdict; only verdicts that occurred."""
+        counts = dict(self.counts)
+        if self.refreshed:
+            counts[Verdict.REFRESHED] = counts.get(Verdict.REFRESHED, 0) + self.refreshed
+        return counts
 
 
 @attrs.frozen
@@ -64,14 +87,13 @@ class Sources:
     Thread rule: none of its own; the intake holds its lock.
     """
 
-    def __init__(self, gate: FairGate) -> None:
-        self._gate = gate
+    def __init__(self) -> None:
         self._sources: dict[str, Source] = {}
         self._past: Counter[Verdict] = Counter()
         self.find = self._sources.get
         """The account under a name, or ``None``: one look-up, for the hot path."""
 
-    def meet(self, name: str, now_ns: int) -> Source:
+    def meet(self, name: str) -> Source:
         """The account under a name that ``find`` does not know; opened if need be."""
         # Names come from outside; longer ones share an account.
         name = name[:MAX_SOURCE_NAME]
@@ -79,14 +101,14 @@ class Sources:
         if source is None:
             if len(self._sources) >= MAX_SOURCES:
                 self._fold_some()
-            source = self._sources[name] = Source(name, self._gate.bucket(now_ns))
+            source = self._sources[name] = Source(name)
         return source
 
     def totals(self) -> dict[Verdict, int]:
         """Messages by verdict over all sources, those folded away included."""
         total = Counter(self._past)
         for source in self._sources.values():
-            total.update(source.counts)
+            total.update(source.all_counts())
         return {verdict: total[verdict] for verdict in Verdict}
 
     def reports(self) -> list[SourceReport]:
@@ -95,18 +117,16 @@ class Sources:
 
     def _fold_some(self) -> None:
         """Fold a tenth of the table: strangers before settled ones, the longest silent first."""
-        by_worth = sorted(
-            self._sources.values(), key=lambda one: (one.settled, one.bucket.updated_ns)
-        )
+        by_worth = sorted(self._sources.values(), key=lambda one: (one.settled, one.busy_until_ns))
         for source in by_worth[: MAX_SOURCES // 10]:
-            self._past.update(source.counts)
+            self._past.update(source.all_counts())
             del self._sources[source.name]
 
 
 def _report(source: Source) -> SourceReport:
     return SourceReport(
         name=source.name,
-        counts=dict(source.counts),
+        counts=source.all_counts(),
         repaired=source.repaired,
         clock_offset_ns=None if source.clock is None else source.clock.offset_ns,
         distrusted_stamps=source.distrusted,

@@ -45,7 +45,6 @@ from beacon_core.stored import Changes, StoredHint, StoreStats
 __all__ = ["HintStore"]
 
 _ACTIVE, _STALE, _LEFT = Status.ACTIVE, Status.STALE, Status.LEFT
-_REFRESHED, _OLDER = Verdict.REFRESHED, Verdict.OLDER
 _HELD = frozenset({Verdict.NEW, Verdict.CHANGED, Verdict.REFRESHED})
 _FOREVER_NS = 2**63
 
@@ -77,12 +76,12 @@ class HintStore:
         self._room = Room(
             at_least_one("max_hints", max_hints), at_least_one("max_bytes", max_bytes)
         )
-        self._lock = threading.Lock()
+        self.lock = threading.Lock()
+        """Held by each method while it works, and by whoever calls :meth:`refresh`."""
         self._now_ns = clock.monotonic_ns()
         # In the order of the last change: that is what changes_since reads, from the end.
         self._records: dict[str, Record] = {}
-        self._due: DeadlineQueue[Record] = DeadlineQueue(self.ttl_ns)
-        self._shift = self._due.shift
+        self._due: DeadlineQueue[Record] = DeadlineQueue(self.ttl_ns, self._deadline_ns)
         self._next_due_ns = _FOREVER_NS
         self._removals = Removals(MAX_REMOVED)
         self._revision = 0
@@ -110,14 +109,17 @@ class HintStore:
         message = Claimant(hint, source, incarnation, sequence, received_at_ns or 0)
         return self.take(message, arrived=received_at_ns is None)[0]
 
-    def take(self, message: Claimant, *, arrived: bool = False) -> tuple[Verdict, int]:
+    def take(
+        self, message: Claimant, *, arrived: bool = False
+    ) -> tuple[Verdict, Record | None, int]:
         """``update`` with the message in one piece (it becomes the store's own).
 
-        ``arrived``: it was sent just now, whatever its ``last_seen_ns``. Also returns the content
-        version that stands after it, for :meth:`refresh`; 0 where the message changed nothing.
+        ``arrived``: it was sent just now, whatever its ``last_seen_ns``. The record and its version
+        are for :meth:`refresh`; there is none unless the record now says all that the message says,
+        and is ACTIVE and uncontested.
         """
         now_ns = self.clock.monotonic_ns()
-        with self._lock:
+        with self.lock:
             now_ns = self._settle(now_ns)
             if arrived or message.last_seen_ns > now_ns:
                 message.last_seen_ns = now_ns
@@ -130,54 +132,37 @@ class HintStore:
                 verdict = self._heard(record, message, now_ns)
             else:
                 verdict = self._heard_other(record, message, now_ns)
-            held = verdict in _HELD and record is not None
-            return verdict, record.content if held and record is not None else 0
+            if record is None or verdict not in _HELD or record.status is not _ACTIVE:
+                return verdict, None, 0
+            if record.rivals:
+                return verdict, None, 0
+            return verdict, record, record.revision
 
     def refresh(
-        self,
-        entity_id: str,
-        content: int,
-        source: str,
-        incarnation: str,
-        sequence: int,
-        sent_ns: int | None,
-    ) -> Verdict | None:
-        """The short way for a message known to say what this entity's holder said last.
+        self, record: Record, version: int, sequence: int, sent_ns: int, now_ns: int
+    ) -> bool:
+        """The short way for a message that says what the holder of ``record`` said last.
 
-        ``content`` is what :meth:`take` returned for that message; ``sent_ns`` as in
-        ``update``'s ``received_at_ns``, and not in the future. Returns ``REFRESHED``, or
-        ``OLDER`` for a late or repeated message, or ``None`` if anything is not as it was then:
-        ``take`` is the way.
+        ``record`` and ``version`` are what :meth:`take` returned for that message, which came from
+        the same source and incarnation. Both times are on the monotonic clock, ``sent_ns`` not
+        after ``now_ns``. ``False``: something is not as it was, or the message is a late one;
+        nothing was done, and ``take`` is the way.
+
+        Thread rule: the caller holds ``self.lock``.
         """
-        now_ns = self.clock.monotonic_ns()
-        with self._lock:
-            if now_ns >= self._next_due_ns:
-                now_ns = self._settle(now_ns)
-            record = self._records.get(entity_id)
-            if (
-                record is None
-                or record.content != content
-                or record.status is not _ACTIVE
-                or record.rivals
-                or record.source != source
-                or record.incarnation != incarnation
-            ):
-                return None
-            if sent_ns is None:
-                sent_ns = now_ns
-            if sent_ns < record.last_seen_ns or (incarnation and 0 < sequence <= record.sequence):
-                return _OLDER
+        if now_ns >= self._next_due_ns:
+            self._settle(now_ns)
+        if record.revision != version or sent_ns < record.last_seen_ns:
+            return False
+        if sequence:
+            if sequence <= record.sequence:
+                return False
             record.sequence = sequence
-            if sent_ns > record.last_seen_ns:
-                record.last_seen_ns = sent_ns
-                record.view = None
-                deadline_ns = sent_ns + self.ttl_ns
-                # Nearly always the deadline stays in its slot: then there is nothing to re-file.
-                if deadline_ns >> self._shift == record.slot > self._due.horizon:
-                    record.deadline_ns = deadline_ns
-                else:
-                    self._due.schedule(record, deadline_ns)
-            return _REFRESHED
+        record.last_seen_ns = sent_ns
+        # Nearly always the deadline stays in its slot: then there is nothing to re-file.
+        if sent_ns + self.ttl_ns >= record.slot_end_ns:
+            self._due.schedule(record, sent_ns + self.ttl_ns)
+        return True
 
     def goodbye(
         self, entity_id: str, *, source: str = "", incarnation: str = "", sequence: int = 0
@@ -200,7 +185,7 @@ class HintStore:
     def forget(self, entity_id: str | None = None) -> int:
         """Forget one entity, or all with ``None``; returns how many there were."""
         now_ns = self.clock.monotonic_ns()
-        with self._lock:
+        with self.lock:
             self._settle(now_ns)
             ids = list(self._records) if entity_id is None else [entity_id]
             records = [self._records[one] for one in ids if one in self._records]
@@ -211,14 +196,14 @@ class HintStore:
     def get(self, entity_id: str) -> StoredHint | None:
         """The entity as it is now; it may be LEFT, and is never an expired one."""
         now_ns = self.clock.monotonic_ns()
-        with self._lock:
+        with self.lock:
             self._settle(now_ns)
             record = self._records.get(entity_id)
             return None if record is None else record.given_out()
 
     def last_seen_ns(self, entity_id: str) -> int | None:
         """When it was last heard, on the monotonic clock."""
-        with self._lock:
+        with self.lock:
             record = self._records.get(entity_id)
             return None if record is None else record.last_seen_ns
 
@@ -228,7 +213,7 @@ class HintStore:
         Costs a reference for each record that was not even refreshed since the last time.
         """
         now_ns = self.clock.monotonic_ns()
-        with self._lock:
+        with self.lock:
             self._settle(now_ns)
             return [one.given_out() for one in self._records.values() if one.status is not _LEFT]
 
@@ -239,7 +224,7 @@ class HintStore:
         answered with everything too, and says so.
         """
         now_ns = self.clock.monotonic_ns()
-        with self._lock:
+        with self.lock:
             self._settle(now_ns)
             too_old = revision != 0 and not self._removals.floor <= revision <= self._revision
             complete = too_old or revision == 0
@@ -253,14 +238,14 @@ class HintStore:
     def sweep(self) -> int:
         """Settle what is due; returns how many records changed their status or ended."""
         now_ns = self.clock.monotonic_ns()
-        with self._lock:
+        with self.lock:
             before = self._revision
             self._settle(now_ns)
             return self._revision - before
 
     def next_deadline_ns(self) -> int | None:
         """The monotonic time at which ``sweep`` will next find something; ``None``: never."""
-        with self._lock:
+        with self.lock:
             return self._due.next_deadline_ns()
 
     @property
@@ -276,7 +261,7 @@ class HintStore:
     def stats(self) -> StoreStats:
         """All counts, at one moment."""
         now_ns = self.clock.monotonic_ns()
-        with self._lock:
+        with self.lock:
             self._settle(now_ns)
             return StoreStats(
                 active=self._room.count[_ACTIVE],
@@ -303,7 +288,7 @@ class HintStore:
             return Verdict.STORE_FULL, None
         self._records[record.entity_id] = record
         self._room.enter(record)
-        self._changed(record, content=True)
+        self._changed(record)
         self._file(record)
         return Verdict.NEW, record
 
@@ -388,7 +373,7 @@ class HintStore:
     ) -> Verdict:
         now_ns = self.clock.monotonic_ns()
         entity_id, source, incarnation, sequence = leaving
-        with self._lock:
+        with self.lock:
             now_ns = self._settle(now_ns)
             record = self._records.get(entity_id)
             if record is None:
@@ -452,15 +437,16 @@ class HintStore:
 
     def _file(self, record: Record) -> None:
         """Put the record's next deadline into the queue."""
-        if record.status is _ACTIVE:
-            seen_ns = min((record.last_seen_ns, *map(last_seen, record.rivals)))
-            deadline_ns = seen_ns + self.ttl_ns
-        elif record.status is _STALE:
-            deadline_ns = record.last_seen_ns + self.expiry_ns
-        else:
-            deadline_ns = record.history[-1].at_ns + self.ttl_ns
+        deadline_ns = self._deadline_ns(record)
         self._due.schedule(record, deadline_ns)
         self._next_due_ns = min(self._next_due_ns, deadline_ns)
+
+    def _deadline_ns(self, record: Record) -> int:
+        if record.status is _STALE:
+            return record.last_seen_ns + self.expiry_ns
+        if record.status is _LEFT:
+            return record.history[-1].at_ns + self.ttl_ns
+        return min((record.last_seen_ns, *map(last_seen, record.rivals))) + self.ttl_ns
 
     # -- changes ---------------------------------------------------------------------------------
 
@@ -500,7 +486,7 @@ class HintStore:
         self._room.leave(record)
         record.hint, record.size = hint, hint_bytes(hint)
         self._room.enter(record)
-        self._changed(record, content=True)
+        self._changed(record)
 
     def _set_rivals(self, record: Record, rivals: tuple[Claimant, ...]) -> None:
         contended = record.contended
@@ -510,12 +496,10 @@ class HintStore:
             self._conflicts += 1 if record.contended else -1
             self._changed(record)
 
-    def _changed(self, record: Record, *, content: bool = False) -> None:
+    def _changed(self, record: Record) -> None:
         self._revision += 1
         record.revision = self._revision
         record.view = None
-        if content:
-            record.content = self._revision
         self._records[record.entity_id] = self._records.pop(record.entity_id)
 
     def _remove(self, record: Record, cause: Cause) -> None:
@@ -524,6 +508,7 @@ class HintStore:
         self._conflicts -= record.contended
         self._due.cancel(record)
         del self._records[record.entity_id]
+        record.revision = 0
         self._expired += cause is Cause.LAPSED
         self._displaced += cause is Cause.DISPLACED
         self._revision += 1

@@ -12,10 +12,15 @@ bucket. Strangers and loud ones only draw from the upper half.
 
 from __future__ import annotations
 
+import math
+from typing import Protocol
+
 from beacon_core.checks import positive_rate
 from beacon_core.outcome import Verdict
 
-__all__ = ["FairGate", "TokenBucket"]
+__all__ = ["FairGate", "Paced", "TokenBucket"]
+
+_SECOND_NS = 1_000_000_000
 
 _SOURCE_RATE = Verdict.SOURCE_RATE
 _GLOBAL_RATE = Verdict.GLOBAL_RATE
@@ -57,61 +62,63 @@ class TokenBucket:
             self.updated_ns = now_ns
         return self.tokens
 
-    def charge(self, tokens: float) -> None:
-        """Take tokens for trouble caused; the level does not go below zero."""
-        self.tokens = max(0.0, self.tokens - tokens)
+
+class Paced(Protocol):
+    """What :class:`FairGate` keeps of each source; whoever makes one starts it at 0."""
+
+    busy_until_ns: int
+    """When its bucket would be full again."""
 
 
 class FairGate:
     """Per-source buckets under one global bucket. The theory is at the top of this module.
 
+    The buckets are kept as a single time each, the moment at which they would be full again (the
+    "virtual scheduling" form of ITU-T I.371, annex A, which grants exactly what a bucket grants):
+    whole numbers, half the cost, and a quarter of the memory of :class:`TokenBucket`.
+
     Thread rule: as for :class:`TokenBucket`.
     """
 
-    __slots__ = ("_everyone", "_reserve", "_source_rate")
+    def __init__(self, *, source_rate: float, global_rate: float) -> None:
+        """Messages per second, with a burst of one second's worth.
 
-    def __init__(self, *, source_rate: float, global_rate: float, now_ns: int) -> None:
-        """Rates in messages per second. Raises ``ConfigError`` unless finite and at least 1."""
-        self._source_rate = positive_rate("source_rate", source_rate)
-        self._everyone = TokenBucket(positive_rate("global_rate", global_rate), now_ns=now_ns)
-        # One less, so that a stranger passes a full bucket of any size.
-        self._reserve = (self._everyone.capacity - 1.0) / 2
+        Raises ``ConfigError`` unless both are finite and at least 1.
+        """
+        source_rate = positive_rate("source_rate", source_rate)
+        global_rate = positive_rate("global_rate", global_rate)
+        # Rounded up, so that never more is granted than was said.
+        self._source_step_ns = math.ceil(_SECOND_NS / source_rate)
+        self._global_step_ns = math.ceil(_SECOND_NS / global_rate)
+        # One token less than the burst: a message passes if a token is there, not if none is gone.
+        self._source_burst_ns = int((source_rate - 1) * self._source_step_ns)
+        self._global_burst_ns = int((global_rate - 1) * self._global_step_ns)
+        self._reserve_ns = self._global_burst_ns // 2
+        self._busy_until_ns = 0
 
-    def bucket(self, now_ns: int) -> TokenBucket:
-        """A full bucket for a source that was not heard before."""
-        return TokenBucket(self._source_rate, now_ns=now_ns)
-
-    def admit(self, own: TokenBucket, now_ns: int, settled: bool) -> Verdict | None:  # noqa: FBT001
-        """Let a source pass, whose bucket is ``own``, and take a token from both buckets.
+    def admit(self, source: Paced, now_ns: int, settled: bool) -> Verdict | None:  # noqa: FBT001
+        """Let one message of a source pass, and take a token from both buckets.
 
         Returns ``None`` for "pass", else the verdict to drop the message with. A source turned away
         by the global bucket keeps its own token.
         """
-        # Both refills are written out: this runs for every message, and a call costs as much as
-        # the arithmetic.
-        elapsed_ns = now_ns - own.updated_ns
-        if elapsed_ns > 0:
-            level = own.tokens + (elapsed_ns / 1e9) * own.rate
-            own.tokens = level = level if level < own.capacity else own.capacity
-            own.updated_ns = now_ns
-        else:
-            level = own.tokens
-        if level < 1.0:
+        spent_ns = source.busy_until_ns - now_ns
+        if spent_ns > self._source_burst_ns:
             return _SOURCE_RATE
-        everyone = self._everyone
-        elapsed_ns = now_ns - everyone.updated_ns
-        if elapsed_ns > 0:
-            available = everyone.tokens + (elapsed_ns / 1e9) * everyone.rate
-            everyone.tokens = available = (
-                available if available < everyone.capacity else everyone.capacity
-            )
-            everyone.updated_ns = now_ns
-        else:
-            available = everyone.tokens
-        if available - 1.0 < self._reserve and (
-            available < 1.0 or not settled or level * 2 < own.capacity
+        all_spent_ns = self._busy_until_ns - now_ns
+        if all_spent_ns > self._reserve_ns and (
+            all_spent_ns > self._global_burst_ns
+            or not settled
+            or spent_ns * 2 > self._source_burst_ns
         ):
             return _GLOBAL_RATE
-        own.tokens = level - 1.0
-        everyone.tokens = available - 1.0
+        source.busy_until_ns = now_ns + self._source_step_ns + (spent_ns if spent_ns > 0 else 0)
+        self._busy_until_ns = (
+            now_ns + self._global_step_ns + (all_spent_ns if all_spent_ns > 0 else 0)
+        )
         return None
+
+    def charge(self, source: Paced, tokens: int, now_ns: int) -> None:
+        """Take tokens from a source for trouble caused; its bucket does not go below empty."""
+        spent_ns = max(0, source.busy_until_ns - now_ns) + tokens * self._source_step_ns
+        source.busy_until_ns = now_ns + min(spent_ns, self._source_burst_ns + self._source_step_ns)
