@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any, Protocol
 
 import attrs
@@ -25,6 +26,7 @@ from beacon_core.ports.announcer import Announcer
 from beacon_core.ports.sink import HintSink
 from beacon_core.ports.source import HintSource
 from beacon_core.store import HintStore
+from beacon_core.testing.hostile import HOSTILE_JSON
 
 __all__ = ["Call", "Capabilities", "Harness", "Listener", "RealTimeHarness", "Tap", "within"]
 
@@ -92,6 +94,10 @@ class Harness(Protocol):
     def bad_options(self) -> Sequence[Mapping[str, Any]]:
         """Keyword arguments which ``adapter.options`` must refuse with ``ConfigError``."""
 
+    @property
+    def hostile_payloads(self) -> Mapping[str, bytes]:
+        """The worst that this wire format allows, each about the entity ``hostile``."""
+
     def options(self, network: int = 0) -> Any:
         """An instance of ``adapter.options`` that works here."""
 
@@ -137,6 +143,8 @@ class RealTimeHarness:
     quiet_s: float = 0.3
     ttl_s: float = 0.4
     bad_options: Sequence[Mapping[str, Any]] = ()
+    hostile_payloads: Mapping[str, bytes] = HOSTILE_JSON
+    """Replace them if the wire format is not beacon JSON."""
 
     def __init__(self) -> None:
         self._made: list[HintSource | Announcer] = []
@@ -184,10 +192,10 @@ class Call:
     payload: bytes
     """Of an offer; otherwise empty."""
     source: str
-    incarnation: str
-    sequence: int
-    stamp_ns: int
     outcome: Outcome
+    incarnation: str = ""
+    sequence: int = 0
+    stamp_ns: int = 0
 
     @property
     def verdict(self) -> Verdict:
@@ -203,6 +211,8 @@ class Tap:
 
     def __init__(self, sink: HintSink) -> None:
         self.hook: Callable[[], object] | None = None
+        self.failures: list[Exception] = []
+        """What the sink behind raised, which it must not."""
         self._sink = sink
         self._calls: list[Call] = []
         self._lock = threading.Lock()
@@ -222,33 +232,29 @@ class Tap:
         incarnation: str = "",
         sequence: int = 0,
     ) -> Outcome:
-        self._run_hook()
-        outcome = self._sink.offer(
-            payload, source, stamp_ns=stamp_ns, incarnation=incarnation, sequence=sequence
-        )
-        return self._note(
-            "offer",
-            outcome,
-            source,
-            incarnation,
-            sequence=sequence,
-            stamp_ns=stamp_ns,
-            payload=payload,
-        )
+        envelope: dict[str, Any] = {
+            "stamp_ns": stamp_ns,
+            "incarnation": incarnation,
+            "sequence": sequence,
+        }
+        with self._passing():
+            outcome = self._sink.offer(payload, source, **envelope)
+        return self._note(Call("offer", payload, source, outcome=outcome, **envelope))
 
     def goodbye(
         self, entity_id: str, source: str, *, incarnation: str = "", sequence: int = 0
     ) -> Outcome:
-        self._run_hook()
-        outcome = self._sink.goodbye(entity_id, source, incarnation=incarnation, sequence=sequence)
-        return self._note("goodbye", outcome, source, incarnation, sequence=sequence)
+        envelope: dict[str, Any] = {"incarnation": incarnation, "sequence": sequence}
+        with self._passing():
+            outcome = self._sink.goodbye(entity_id, source, **envelope)
+        return self._note(Call("goodbye", b"", source, outcome=outcome, **envelope))
 
     def lost(
         self, entity_id: str, source: str, *, incarnation: str = "", reason: str = "connection lost"
     ) -> Outcome:
-        self._run_hook()
-        outcome = self._sink.lost(entity_id, source, incarnation=incarnation, reason=reason)
-        return self._note("lost", outcome, source, incarnation)
+        with self._passing():
+            outcome = self._sink.lost(entity_id, source, incarnation=incarnation, reason=reason)
+        return self._note(Call("lost", b"", source, outcome=outcome, incarnation=incarnation))
 
     def repeat(self, call: Call) -> Outcome:
         """Hand in a recorded offer once more, as a carrier that repeats or delays would."""
@@ -260,25 +266,20 @@ class Tap:
             sequence=call.sequence,
         )
 
-    def _run_hook(self) -> None:
+    @contextmanager
+    def _passing(self) -> Iterator[None]:
         if self.hook is not None:
             self.hook()
+        try:
+            yield
+        except Exception as failure:
+            self.failures.append(failure)
+            raise
 
-    def _note(
-        self,
-        kind: str,
-        outcome: Outcome,
-        source: str,
-        incarnation: str,
-        *,
-        sequence: int = 0,
-        stamp_ns: int = 0,
-        payload: bytes = b"",
-    ) -> Outcome:
-        call = Call(kind, payload, source, incarnation, sequence, stamp_ns, outcome)
+    def _note(self, call: Call) -> Outcome:
         with self._lock:
             self._calls.append(call)
-        return outcome
+        return call.outcome
 
 
 class Listener:

@@ -1,0 +1,97 @@
+"""The sending end of the fake network."""
+
+from __future__ import annotations
+
+from beacon_core.errors import ConfigError, UsageError
+from beacon_core.hint import BeaconHint
+from beacon_core.wire import json
+from beacon_fake.message import Kind, Message
+from beacon_fake.network import FakeNetwork
+
+__all__ = ["FakeAnnouncer"]
+
+
+class FakeAnnouncer:
+    """Announces on a :class:`FakeNetwork`; see the ``Announcer`` port for what that promises.
+
+    ``clock_offset_s`` is how far its wall clock, and so its stamps, are ahead of the network's.
+    Its state is guarded by the network's lock.
+    """
+
+    def __init__(
+        self,
+        network: FakeNetwork,
+        name: str = "",
+        *,
+        period_s: float | None = None,
+        clock_offset_s: float = 0.0,
+    ) -> None:
+        if period_s is not None and not 0 < period_s < float("inf"):
+            raise ConfigError(f"period: {period_s!r} is not a time above 0 s")
+        self.name = network.free_name(name, "announcer")
+        self.incarnation = network.new_incarnation(self.name)
+        self._network = network
+        self._period_ns = None if period_s is None else max(1, int(period_s * 1e9))
+        self._offset_ns = int(clock_offset_s * 1e9)
+        self._payloads: dict[str, bytes] = {}
+        self._sequence = 0
+        self._gone = ""
+        network.join_sender(self)
+        self._schedule_beat()
+
+    def announce(self, hint: BeaconHint) -> None:
+        payload = json.encode(hint)
+        with self._network.lock:
+            if self._gone:
+                raise UsageError(f"announce({hint.entity_id!r}): this announcer has {self._gone}")
+            self._payloads[hint.entity_id] = payload
+            self._network.send(self._hint(payload))
+
+    def withdraw(self, entity_id: str) -> None:
+        with self._network.lock:
+            if self._payloads.pop(entity_id, None) is not None:
+                self._network.send(self._message(Kind.GOODBYE, entity_id=entity_id))
+
+    def close(self) -> None:
+        with self._network.lock:
+            for entity_id in self.entity_ids():
+                self.withdraw(entity_id)
+            self._gone = self._gone or "been closed"
+            self._network.leave(self)
+
+    def entity_ids(self) -> list[str]:
+        """Whom it speaks for, in the order first announced."""
+        return list(self._payloads)
+
+    def present(self) -> list[Message]:
+        """Each hint said anew; new sequence numbers, since it is true now and not only then."""
+        return [self._hint(payload) for payload in self._payloads.values()]
+
+    def vanish(self) -> None:
+        """Crash; called by :meth:`FakeNetwork.crash`."""
+        self._gone = "crashed"
+
+    def _hint(self, payload: bytes) -> Message:
+        stamp_ns = self._network.clock.wall_ns() + self._offset_ns
+        return self._message(Kind.HINT, payload=payload, stamp_ns=stamp_ns)
+
+    def _message(
+        self, kind: Kind, *, entity_id: str = "", payload: bytes = b"", stamp_ns: int = 0
+    ) -> Message:
+        self._sequence += 1
+        return Message(
+            kind, self.name, entity_id, payload, stamp_ns, self.incarnation, self._sequence
+        )
+
+    def _schedule_beat(self) -> None:
+        if self._period_ns is not None:
+            now_ns = self._network.clock.monotonic_ns()
+            self._network.schedule(now_ns + self._period_ns, self._beat)
+
+    def _beat(self) -> None:
+        with self._network.lock:
+            if self._gone:
+                return
+            for message in self.present():
+                self._network.send(message)
+            self._schedule_beat()

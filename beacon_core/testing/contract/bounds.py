@@ -1,0 +1,235 @@
+"""Every limit, at it and one over it; and stamps, which have no limits."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import attrs
+import pytest
+
+from beacon_core.hint import BeaconHint
+from beacon_core.lifecycle import Cause, Status
+from beacon_core.limits import DEFAULT_LIMITS, MAX_PAYLOAD_BYTES
+from beacon_core.outcome import Verdict
+from beacon_core.testing.contract.base import ContractBase, hint, known
+from beacon_core.testing.examples import BENCH_HINT
+from beacon_core.testing.harness import Harness, Listener
+from beacon_core.testing.hostile import OVERSIZE_PAYLOAD
+
+__all__ = ["BoundsChecks"]
+
+L = DEFAULT_LIMITS
+E = BeaconHint("engine")
+SECOND_NS = 1_000_000_000
+YEAR_NS = 365 * 86_400 * SECOND_NS
+
+
+def _ids(count: int) -> tuple[str, ...]:
+    return tuple(f"id-{number}" for number in range(count))
+
+
+def _entries(count: int) -> dict[str, str]:
+    return {f"key-{number:02d}": "value" for number in range(count)}
+
+
+def _string(length: int, field: str) -> BeaconHint:
+    given: dict[str, Any] = {field: "x" * length}
+    return attrs.evolve(E, **given)
+
+
+STRINGS = ("display_name", "transport_type", "negotiated_format", "process_name", "hostname")
+
+AT_THE_LIMIT = {
+    "entity_id": BeaconHint("e" * L.max_id_length),
+    "stable_id": _string(L.max_id_length, "stable_id"),
+    "component_id": _string(L.max_id_length, "component_id"),
+    **{field: _string(L.max_string_length, field) for field in STRINGS},
+    "display_name-multibyte": attrs.evolve(E, display_name="é" * (L.max_string_length // 2)),
+    "function_ids": attrs.evolve(E, function_ids=_ids(L.max_function_ids)),
+    "function_ids-length": attrs.evolve(E, function_ids=("f" * L.max_id_length,)),
+    "depends_on": attrs.evolve(E, depends_on=_ids(L.max_depends_on)),
+    "metadata": attrs.evolve(E, metadata=_entries(L.max_metadata_entries)),
+    "metadata-key": attrs.evolve(E, metadata={"k" * L.max_metadata_key_length: "v"}),
+    "metadata-value": attrs.evolve(E, metadata={"k": "v" * L.max_metadata_value_length}),
+    "process_id": attrs.evolve(E, process_id=2**32 - 1),
+}
+
+OVER_THE_LIMIT = {
+    "stable_id": (_string(L.max_id_length + 1, "stable_id"), E),
+    "component_id": (_string(L.max_id_length + 1, "component_id"), E),
+    **{
+        field: (_string(L.max_string_length + 1, field), _string(L.max_string_length, field))
+        for field in STRINGS
+    },
+    "display_name-multibyte": (
+        attrs.evolve(E, display_name="x" + "é" * (L.max_string_length // 2)),
+        attrs.evolve(E, display_name="x" + "é" * (L.max_string_length // 2 - 1)),
+    ),
+    "function_ids": (
+        attrs.evolve(E, function_ids=_ids(L.max_function_ids + 1)),
+        attrs.evolve(E, function_ids=_ids(L.max_function_ids)),
+    ),
+    "function_ids-length": (
+        attrs.evolve(E, function_ids=("f" * (L.max_id_length + 1), "g")),
+        attrs.evolve(E, function_ids=("g",)),
+    ),
+    "depends_on": (
+        attrs.evolve(E, depends_on=_ids(L.max_depends_on + 1)),
+        attrs.evolve(E, depends_on=_ids(L.max_depends_on)),
+    ),
+    "metadata": (
+        attrs.evolve(E, metadata=_entries(L.max_metadata_entries + 1)),
+        attrs.evolve(E, metadata=_entries(L.max_metadata_entries)),
+    ),
+    "metadata-key": (
+        attrs.evolve(E, metadata={"k" * (L.max_metadata_key_length + 1): "v", "fine": "v"}),
+        attrs.evolve(E, metadata={"fine": "v"}),
+    ),
+    "metadata-value": (
+        attrs.evolve(E, metadata={"k": "v" * (L.max_metadata_value_length + 1)}),
+        attrs.evolve(E, metadata={"k": "v" * L.max_metadata_value_length}),
+    ),
+}
+
+
+def _largest() -> BeaconHint:
+    """Every limit reached at once."""
+    ids = tuple(f"{number:03d}" + "i" * (L.max_id_length - 3) for number in range(100))
+    width = L.max_metadata_key_length - 2
+    value = "v" * L.max_metadata_value_length
+    text = "t" * L.max_string_length
+    return BeaconHint(
+        entity_id="e" * L.max_id_length,
+        stable_id="s" * L.max_id_length,
+        function_ids=ids[: L.max_function_ids],
+        depends_on=ids[: L.max_depends_on],
+        component_id="c" * L.max_id_length,
+        process_id=2**32 - 1,
+        metadata={f"{n:02d}" + "k" * width: value for n in range(L.max_metadata_entries)},
+        **dict.fromkeys(STRINGS, text),
+    )
+
+
+class BoundsChecks(ContractBase):
+    """What is allowed passes untouched, what is not is repaired and reported."""
+
+    @pytest.mark.parametrize("limit", AT_THE_LIMIT)
+    def test_at_a_limit_nothing_is_touched(self, harness: Harness, limit: str) -> None:
+        said = AT_THE_LIMIT[limit]
+        listener = Listener(harness).start()
+        harness.announcer().announce(said)
+        self.active(harness, listener, said.entity_id)
+        assert known(listener, said.entity_id).hint == said
+        assert not any(call.outcome.repairs for call in listener.tap.calls)
+        self.conclude(harness, listener)
+
+    @pytest.mark.parametrize("limit", OVER_THE_LIMIT)
+    def test_over_a_limit_a_hint_is_repaired_and_the_repair_reported(
+        self, harness: Harness, limit: str
+    ) -> None:
+        said, kept = OVER_THE_LIMIT[limit]
+        listener = Listener(harness).start()
+        harness.announcer().announce(said)
+        self.active(harness, listener, "engine")
+        assert known(listener, "engine").hint == kept
+        field = limit.partition("-")[0]
+        repairs = [repair for call in listener.tap.calls for repair in call.outcome.repairs]
+        assert repairs
+        assert all(repair.startswith(f"$.{field}") for repair in repairs)
+        self.conclude(harness, listener)
+
+    def test_the_largest_hint_there_may_be_arrives_intact(self, harness: Harness) -> None:
+        said = _largest()
+        listener = Listener(harness).start()
+        harness.announcer().announce(said)
+        self.active(harness, listener, said.entity_id)
+        assert known(listener, said.entity_id).hint == said
+        self.conclude(harness, listener)
+
+    def test_the_largest_payload_there_may_be_is_read(self, harness: Harness) -> None:
+        self.needs(harness, "raw_payloads")
+        listener = Listener(harness).start()
+        payload = harness.encode(hint("engine"))
+        harness.send_raw("engine", payload + b" " * (MAX_PAYLOAD_BYTES - len(payload)))
+        self.active(harness, listener, "engine")
+        self.conclude(harness, listener)
+
+    def test_a_larger_payload_is_refused_and_harms_nobody(self, harness: Harness) -> None:
+        self.needs(harness, "raw_payloads")
+        listener = Listener(harness).start()
+        payload = harness.encode(hint("engine"))
+        harness.send_raw("engine", payload + b" " * (MAX_PAYLOAD_BYTES + 1 - len(payload)))
+        harness.send_raw("engine", OVERSIZE_PAYLOAD)
+        self.eventually(
+            harness, lambda: listener.count(Verdict.TOO_LARGE) == 2, "both payloads are refused"
+        )
+        harness.announcer().announce(hint("neighbour"))
+        self.active(harness, listener, "neighbour")
+        self.conclude(harness, listener)
+
+    def test_a_stamp_in_the_past_gives_the_age(self, harness: Harness) -> None:
+        self.needs(harness, "raw_payloads")
+        listener = Listener(harness).start()
+        self._send_stamped(harness, harness.clock.wall_ns() - 60 * SECOND_NS)
+        self.active(harness, listener, "engine")
+        age_ns = self._age_ns(harness, listener)
+        assert 60 * SECOND_NS <= age_ns <= (60 + harness.patience_s) * SECOND_NS
+        self.conclude(harness, listener)
+
+    def test_a_stamp_older_than_the_time_to_live_makes_a_stale_hint(self, harness: Harness) -> None:
+        self.needs(harness, "raw_payloads")
+        listener = Listener(harness, ttl_s=60.0).start()
+        self._send_stamped(harness, harness.clock.wall_ns() - 120 * SECOND_NS)
+        self.reaches(harness, listener, "engine", Status.STALE)
+        assert known(listener, "engine").cause is Cause.HEARD_LATE
+        self.conclude(harness, listener)
+
+    @pytest.mark.parametrize("ahead_ns", [1, SECOND_NS, YEAR_NS, 200 * YEAR_NS])
+    def test_a_stamp_in_the_future_counts_as_just_now(
+        self, harness: Harness, ahead_ns: int
+    ) -> None:
+        self.needs(harness, "raw_payloads")
+        listener = Listener(harness).start()
+        self._send_stamped(harness, harness.clock.wall_ns() + ahead_ns)
+        self.active(harness, listener, "engine")
+        assert self._age_ns(harness, listener) <= harness.patience_s * SECOND_NS
+        self.conclude(harness, listener)
+
+    def test_no_stamp_counts_as_just_now(self, harness: Harness) -> None:
+        self.needs(harness, "raw_payloads")
+        listener = Listener(harness).start()
+        self._send_stamped(harness, 0)
+        self.active(harness, listener, "engine")
+        assert self._age_ns(harness, listener) <= harness.patience_s * SECOND_NS
+        self.conclude(harness, listener)
+
+    @pytest.mark.parametrize("stamp_ns", [1, SECOND_NS, 10 * YEAR_NS])
+    def test_a_sender_whose_clock_is_wrong_is_seen_all_the_same_and_reported(
+        self, harness: Harness, stamp_ns: int
+    ) -> None:
+        self.needs(harness, "raw_payloads")
+        listener = Listener(harness).start()
+        behind_ns = harness.clock.wall_ns() - stamp_ns
+        self._send_stamped(harness, stamp_ns)
+        self.active(harness, listener, "engine")
+        source = known(listener, "engine").source
+        offset_ns = next(
+            report.clock_offset_ns for report in listener.intake.sources() if report.name == source
+        )
+        assert offset_ns is not None
+        assert behind_ns <= offset_ns <= behind_ns + harness.patience_s * SECOND_NS
+        self.conclude(harness, listener)
+
+    def test_a_stamp_survives_the_wire(self, harness: Harness) -> None:
+        stamp_ns = harness.clock.wall_ns()
+        decoded = harness.adapter.decode(harness.encode(BENCH_HINT, stamp_ns))
+        assert getattr(decoded, "stamp_ns", None) == stamp_ns
+        assert getattr(decoded, "hint", None) == BENCH_HINT
+
+    @staticmethod
+    def _send_stamped(harness: Harness, stamp_ns: int) -> None:
+        harness.send_raw("engine", harness.encode(hint("engine"), stamp_ns))
+
+    @staticmethod
+    def _age_ns(harness: Harness, listener: Listener) -> int:
+        return known(listener, "engine").age_ns(harness.clock.monotonic_ns())
