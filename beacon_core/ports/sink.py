@@ -33,12 +33,15 @@ class HintSink(Protocol):
         payload: bytes,
         source: str,
         *,
+        entity_id: str = "",
         stamp_ns: int = 0,
         incarnation: str = "",
         sequence: int = 0,
     ) -> Outcome:
         """Hand in one message as it arrived.
 
+        ``entity_id`` is whom the message may speak for, if the carrier says so (a key that access
+        control lets nobody else write to); a payload that names another is INVALID. ``""``: anyone.
         ``stamp_ns`` is the sender's wall clock if the carrier brought it beside the payload
         (nanoseconds since 1970, 0 if not); a stamp inside the payload is found by the decoder.
         """
