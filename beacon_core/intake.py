@@ -93,6 +93,7 @@ class Intake:
         payload: bytes,
         source: str,
         *,
+        entity_id: str = "",
         stamp_ns: int = 0,
         incarnation: str = "",
         sequence: int = 0,
@@ -122,7 +123,7 @@ class Intake:
             return refreshed
         if dropped is not None:
             return self._finish(account, _DROPPED[dropped])
-        return self._read(payload, account, sent_ns, incarnation, sequence)
+        return self._read(payload, account, entity_id, sent_ns, incarnation, sequence)
 
     def goodbye(
         self, entity_id: str, source: str, *, incarnation: str = "", sequence: int = 0
@@ -165,6 +166,7 @@ class Intake:
         self,
         payload: bytes,
         account: Source,
+        entity_id: str,
         sent_ns: int,
         incarnation: str,
         sequence: int,
@@ -176,6 +178,10 @@ class Intake:
         announcement = self._decoded(payload)
         if isinstance(announcement, Outcome):
             return self._finish(account, announcement)
+        if entity_id and announcement.hint.entity_id != entity_id:
+            named = quoted(announcement.hint.entity_id)
+            detail = f"$.entity_id: {named}, but it may speak for {quoted(entity_id)} only"
+            return self._finish(account, Outcome(Verdict.INVALID, detail=detail))
         checked = validate(announcement.hint, self._limits)
         if isinstance(checked, Rejected):
             return self._finish(account, Outcome(Verdict.INVALID, detail=checked.reason))
