@@ -196,6 +196,8 @@ class Call:
     incarnation: str = ""
     sequence: int = 0
     stamp_ns: int = 0
+    entity_id: str = ""
+    """Whom an offer may speak for, if the carrier said so."""
 
     @property
     def verdict(self) -> Verdict:
@@ -228,11 +230,13 @@ class Tap:
         payload: bytes,
         source: str,
         *,
+        entity_id: str = "",
         stamp_ns: int = 0,
         incarnation: str = "",
         sequence: int = 0,
     ) -> Outcome:
         envelope: dict[str, Any] = {
+            "entity_id": entity_id,
             "stamp_ns": stamp_ns,
             "incarnation": incarnation,
             "sequence": sequence,
@@ -261,6 +265,7 @@ class Tap:
         return self.offer(
             call.payload,
             call.source,
+            entity_id=call.entity_id,
             stamp_ns=call.stamp_ns,
             incarnation=call.incarnation,
             sequence=call.sequence,
