@@ -9,7 +9,7 @@ import attrs
 
 from beacon_core.errors import ConfigError
 
-__all__ = ["DocumentError", "Problem", "did_you_mean", "near", "shown", "step"]
+__all__ = ["DocumentError", "Problem", "did_you_mean", "headed", "near", "shown", "step"]
 
 _MAX_SHOWN = 60
 """Characters of a found value in a message: enough to recognise it, and still one line."""
@@ -33,6 +33,15 @@ class DocumentError(ConfigError):
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = tuple(problems)
         super().__init__("\n".join(map(str, self.problems)))
+
+
+def headed(document: str, error: ConfigError) -> ConfigError:
+    """The same error as people should see it: which document, how many problems, then each."""
+    if not isinstance(error, DocumentError):
+        return error
+    count = len(error.problems)
+    lines = "".join(f"\n  {problem}" for problem in error.problems)
+    return ConfigError(f"{document}: {count} problem{'s' if count > 1 else ''}{lines}")
 
 
 def step(key: object) -> str:

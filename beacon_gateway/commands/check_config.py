@@ -1,0 +1,71 @@
+"""``beacon check-config``: what a configuration means, or everything wrong with it."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+import cattrs
+import yaml
+
+from beacon_core.errors import ConfigError
+from beacon_gateway.commands.run import read_config
+from beacon_gateway.config import Config
+from beacon_gateway.exits import Exit
+from beacon_gateway.problems import DocumentError, Problem
+from beacon_gateway.terminal import printable, write_json
+
+__all__ = ["parser", "run"]
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command's arguments."""
+    made = argparse.ArgumentParser(
+        description="Check a configuration without starting anything. Prints 'ok' and the "
+        "configuration with every default filled in; or every problem, each with its place."
+    )
+    made.add_argument("file", nargs="?", type=Path, metavar="FILE", help="without: the default")
+    made.add_argument("--json", action="store_true", help="print one JSON document instead")
+    return made
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Returns the exit code."""
+    try:
+        loaded = read_config(arguments.file)
+    except ConfigError as error:
+        if not arguments.json:
+            raise
+        write_json({"ok": False, "problems": _problems(error)})
+        return Exit.USAGE
+    effective = _plain(loaded.config)
+    if arguments.json:
+        warnings = [_plain_problem(correction) for correction in loaded.corrections]
+        write_json({"ok": True, "warnings": warnings, "config": effective})
+        return Exit.OK
+    for correction in loaded.corrections:
+        sys.stderr.write(f"warning: {correction}\n")
+    text = yaml.safe_dump(effective, sort_keys=False, allow_unicode=True)
+    sys.stdout.write("# ok\n" + "".join(f"{printable(line)}\n" for line in text.splitlines()))
+    return Exit.OK
+
+
+def _problems(error: ConfigError) -> list[dict[str, str]]:
+    cause = error if isinstance(error, DocumentError) else error.__cause__
+    if isinstance(cause, DocumentError):
+        return [_plain_problem(problem) for problem in cause.problems]
+    return [{"path": "$", "message": str(error)}]
+
+
+def _plain_problem(problem: Problem) -> dict[str, str]:
+    return {"path": problem.path, "message": problem.message}
+
+
+def _plain(config: Config) -> Any:
+    """As YAML would say it: texts, numbers, lists and mappings only."""
+    converter = cattrs.Converter()
+    converter.register_unstructure_hook(Path, str)
+    converter.register_unstructure_hook_func(lambda cls: cls is tuple, list)
+    return converter.unstructure(config)

@@ -1,0 +1,117 @@
+"""Who there is: the known tree with what the beacons add to it."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterator, Sequence
+
+import attrs
+
+from beacon_core.entities import App, Component, Entities
+from beacon_gateway.listener import Listener
+from beacon_gateway.views import Beacon, View
+
+__all__ = ["Directory", "Found", "Kind"]
+
+NEW_APP_SOURCE = "beacon"
+"""The ``source`` of an app that nobody but its own hint told of."""
+
+
+class Kind(enum.Enum):
+    """What an id may stand for, in the order in which it is looked up."""
+
+    COMPONENT = "Component"
+    APP = "App"
+    AREA = "Area"
+    FUNCTION = "Function"
+
+
+@attrs.frozen
+class Found:
+    """An app or a component, and its beacon if it has one."""
+
+    entity: App | Component
+    beacon: Beacon | None
+
+
+class Directory:
+    """Answers from the stores as they are now; keeps nothing.
+
+    Thread rule: every method may be called from any thread.
+    """
+
+    def __init__(
+        self, known: Entities, listeners: Sequence[Listener], *, allow_new_entities: bool
+    ) -> None:
+        self._known = known
+        self._listeners = listeners
+        self._allow_new_entities = allow_new_entities
+
+    def apps(self) -> Iterator[Found]:
+        """All apps: the known ones, then those nobody but their own hint told of.
+
+        One that said goodbye stays until its tombstone lapses.
+        """
+        for app in self._known.apps.values():
+            yield self._named(app)
+        new: dict[str, None] = {}
+        for listener in self._listeners:
+            new |= listener.new_app_ids(self._known)
+        for entity_id in new:
+            found = self._new_app(entity_id)
+            if found is not None:
+                yield found
+
+    def components(self) -> Iterator[Found]:
+        """All components; they are known beforehand."""
+        for component in self._known.components.values():
+            yield self._named(component)
+
+    def app(self, entity_id: str) -> Found | None:
+        """One app, known or new."""
+        app = self._known.apps.get(entity_id)
+        if app is not None:
+            return self._named(app)
+        return None if entity_id in self._known.components else self._new_app(entity_id)
+
+    def component(self, entity_id: str) -> Found | None:
+        """One component."""
+        component = self._known.components.get(entity_id)
+        return None if component is None else self._named(component)
+
+    def kind(self, entity_id: str) -> Kind | None:
+        """What the id stands for, ``None`` if it is unknown."""
+        known = self._known
+        if entity_id in known.components:
+            return Kind.COMPONENT
+        if entity_id in known.apps or self._new_app(entity_id) is not None:
+            return Kind.APP
+        if entity_id in known.areas:
+            return Kind.AREA
+        return Kind.FUNCTION if entity_id in known.functions else None
+
+    def beacon(self, entity_id: str) -> Beacon | None:
+        """What the sources say of it, whether or not such an entity is known."""
+        return Beacon.of(
+            View(listener.name, listener.adapter, stored)
+            for listener in self._listeners
+            if (stored := listener.store.get(entity_id)) is not None
+        )
+
+    def _named(self, entity: App | Component) -> Found:
+        """The known entity; what the tree does not say of it, its beacon may."""
+        beacon = self.beacon(entity.id)
+        if beacon is None:
+            return Found(entity, None)
+        hint = beacon.stored.hint
+        named = attrs.evolve(entity, name=entity.name or hint.display_name)
+        if isinstance(named, App):
+            named = attrs.evolve(named, component_id=named.component_id or hint.component_id)
+        return Found(named, beacon)
+
+    def _new_app(self, entity_id: str) -> Found | None:
+        if not self._allow_new_entities or (beacon := self.beacon(entity_id)) is None:
+            return None
+        hint = beacon.stored.hint
+        app = App(entity_id, hint.display_name, hint.component_id, source=NEW_APP_SOURCE)
+        return Found(app, beacon)

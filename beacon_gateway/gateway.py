@@ -1,0 +1,111 @@
+"""The gateway at work: all configured sources, kept tidy, and one directory over them."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Iterable
+
+from beacon_core.clock import Clock, SystemClock
+from beacon_gateway.adapters import load_adapter
+from beacon_gateway.config import Config, Lookup
+from beacon_gateway.directory import Directory
+from beacon_gateway.listener import Listener
+
+__all__ = ["Gateway"]
+
+_log = logging.getLogger(__name__)
+
+_CLOSE_WITHIN_S = 2.0
+"""Adapters promise one second; they close side by side."""
+
+
+class Gateway:
+    """Embeds the core: one listener per configured source, and a sweeper for their stores.
+
+    Thread rule: ``start`` once, from one thread; everything else from any.
+    """
+
+    def __init__(
+        self, config: Config, *, lookup: Lookup = load_adapter, clock: Clock | None = None
+    ) -> None:
+        """Opens nothing. Raises ``ConfigError`` for a source that cannot be made."""
+        self.config = config
+        self.clock: Clock = SystemClock() if clock is None else clock
+        self.started_ns = self.clock.monotonic_ns()
+        self.listeners = tuple(
+            Listener(
+                name,
+                source,
+                lookup(source.adapter),
+                self.clock,
+                allow_new_entities=config.allow_new_entities,
+            )
+            for name, source in config.sources.items()
+        )
+        self.directory = Directory(
+            config.entities.known(),
+            self.listeners,
+            allow_new_entities=config.allow_new_entities,
+        )
+        self._closing = threading.Event()
+        self._sweeper = threading.Thread(target=self._sweep, name="beacon-sweeper", daemon=True)
+
+    def start(self) -> None:
+        """Begin to listen on every source, or on none.
+
+        Raises ``ConfigError`` for what no amount of trying can mend.
+        """
+        try:
+            for listener in self.listeners:
+                listener.start()
+        except BaseException:
+            self.close()
+            raise
+        self._sweeper.start()
+
+    def close(self) -> None:
+        """Stop listening. Idempotent, within 2 s whatever an adapter does; what was heard stays
+        readable."""
+        self._closing.set()
+        threads = [
+            threading.Thread(target=_close, args=(listener,), daemon=True)
+            for listener in self.listeners
+        ]
+        for thread in threads:
+            thread.start()
+        if self._sweeper.is_alive():
+            threads.append(self._sweeper)
+        _join(threads)
+
+    def _sweep(self) -> None:
+        """Settle each store when something in it falls due.
+
+        A hint that arrives while this sleeps falls due a ttl later at the earliest, so sleeping for
+        the shortest ttl at most misses nothing.
+        """
+        stores = [listener.store for listener in self.listeners]
+        longest_ns = min(store.ttl_ns for store in stores)
+        while True:
+            deadlines = [store.next_deadline_ns() for store in stores]
+            now_ns = self.clock.monotonic_ns()
+            due_ns = min((at for at in deadlines if at is not None), default=now_ns + longest_ns)
+            wait_ns = min(max(due_ns - now_ns, 0), longest_ns)
+            if self._closing.wait(max(wait_ns / 1e9, 0.001)):
+                return
+            for store in stores:
+                store.sweep()
+
+
+def _close(listener: Listener) -> None:
+    try:
+        listener.close()
+    except Exception:  # noqa: BLE001 - a faulty adapter must not keep the others open
+        _log.exception("closing the source %s failed", listener.name)
+
+
+def _join(threads: Iterable[threading.Thread]) -> None:
+    deadline_s = time.monotonic() + _CLOSE_WITHIN_S
+    for thread in threads:
+        thread.join(max(0.0, deadline_s - time.monotonic()))

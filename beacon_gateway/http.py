@@ -1,0 +1,139 @@
+"""The gateway's HTTP interface.
+
+Handlers are plain functions, run by Starlette in threads: a listing of ten thousand apps keeps
+nobody else waiting. They hold no state; every answer is made from the stores as they are now.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
+
+from beacon_core.lifecycle import Status
+from beacon_gateway import bodies, http_errors
+from beacon_gateway.bodies import API_BASE, BEACON
+from beacon_gateway.directory import Found, Kind
+from beacon_gateway.gateway import Gateway
+
+__all__ = ["make_app"]
+
+Handler = Callable[[Request], Response]
+
+
+def make_app(gateway: Gateway) -> Starlette:
+    """The interface of one gateway, which the caller starts and closes."""
+    api = _Api(gateway)
+    routes: dict[str, Handler] = {
+        "/health": api.health,
+        "/version-info": api.version_info,
+        "/apps": api.apps,
+        "/apps/{id}": api.app,
+        f"/apps/{{id}}/{BEACON}": api.app_beacon,
+        "/components": api.components,
+        "/components/{id}": api.component,
+        f"/components/{{id}}/{BEACON}": api.component_beacon,
+    }
+    app = Starlette(
+        routes=[
+            Route(API_BASE + path + slash, handler)
+            for path, handler in routes.items()
+            for slash in ("", "/")
+        ],
+        exception_handlers={
+            http_errors.ApiError: _refuse,
+            HTTPException: _unknown,
+            Exception: _fail,
+        },
+    )
+    app.router.redirect_slashes = False
+    return app
+
+
+class JsonResponse(Response):
+    """JSON that can always be sent: half a surrogate pair becomes a question mark."""
+
+    media_type = "application/json"
+
+    def render(self, content: Any) -> bytes:
+        text = json.dumps(content, ensure_ascii=False, separators=(",", ":"))
+        return text.encode("utf-8", errors="replace")
+
+
+class _Api:
+    def __init__(self, gateway: Gateway) -> None:
+        self._gateway = gateway
+        self._directory = gateway.directory
+        self._clock = gateway.clock
+
+    def health(self, _: Request) -> Response:
+        return JsonResponse(bodies.health(self._gateway))
+
+    def version_info(self, _: Request) -> Response:
+        return JsonResponse(bodies.version_info(self._gateway.config.vendor_name))
+
+    def apps(self, _: Request) -> Response:
+        return JsonResponse(bodies.items(self._directory.apps(), self._clock))
+
+    def components(self, _: Request) -> Response:
+        return JsonResponse(bodies.items(self._directory.components(), self._clock))
+
+    def app(self, request: Request) -> Response:
+        return self._detail(request, Kind.APP)
+
+    def component(self, request: Request) -> Response:
+        return self._detail(request, Kind.COMPONENT)
+
+    def app_beacon(self, request: Request) -> Response:
+        return self._beacon(request, Kind.APP)
+
+    def component_beacon(self, request: Request) -> Response:
+        return self._beacon(request, Kind.COMPONENT)
+
+    def _detail(self, request: Request, kind: Kind) -> Response:
+        entity_id: str = request.path_params["id"]
+        http_errors.check_id(entity_id)
+        found = self._find(entity_id, kind)
+        if found is not None:
+            return JsonResponse(bodies.detail(found, self._clock))
+        actual = self._directory.kind(entity_id)
+        if actual is None:
+            raise http_errors.entity_not_found(entity_id)
+        raise http_errors.wrong_type(entity_id, kind, actual)
+
+    def _beacon(self, request: Request, kind: Kind) -> Response:
+        entity_id: str = request.path_params["id"]
+        http_errors.check_vendor_id(entity_id)
+        found = self._find(entity_id, kind)
+        if found is None:
+            actual = self._directory.kind(entity_id)
+            raise http_errors.vendor_entity_missing(entity_id, kind, actual)
+        beacon = found.beacon
+        if beacon is None:
+            raise http_errors.beacon_not_found({"entity_id": entity_id})
+        if beacon.status is Status.LEFT:
+            raise http_errors.beacon_not_found(bodies.left_parameters(beacon, self._clock))
+        return JsonResponse(bodies.vendor_beacon(beacon, self._clock))
+
+    def _find(self, entity_id: str, kind: Kind) -> Found | None:
+        directory = self._directory
+        return directory.app(entity_id) if kind is Kind.APP else directory.component(entity_id)
+
+
+def _refuse(_: Request, error: Exception) -> Response:
+    assert isinstance(error, http_errors.ApiError)  # noqa: S101 - Starlette's contract
+    return JsonResponse(error.body(), error.status)
+
+
+def _unknown(request: Request, _: Exception) -> Response:
+    return _refuse(request, http_errors.resource_not_found())
+
+
+def _fail(request: Request, error: Exception) -> Response:
+    return _refuse(request, http_errors.internal_error(error))

@@ -1,0 +1,98 @@
+"""The HTTP server: an address that is taken before anything else is started, then uvicorn."""
+
+from __future__ import annotations
+
+import errno
+import socket
+from types import FrameType
+
+import uvicorn
+from starlette.applications import Starlette
+
+from beacon_core.errors import BeaconError
+
+__all__ = ["BindError", "HttpServer"]
+
+_SHUTDOWN_S = 1
+"""How long answers under way may take once the server is told to stop."""
+
+
+class BindError(BeaconError):
+    """The address cannot be had; the message says what to do."""
+
+
+class HttpServer:
+    """Serves one application.
+
+    Thread rule: ``serve`` blocks the thread it is called in; ``stop`` from any thread and from
+    signal handlers.
+    """
+
+    def __init__(self, host: str, port: int) -> None:
+        """Takes the address. Port 0 means any free one. Raises :class:`BindError`."""
+        self._socket = _bind(host, port)
+        shown_host = f"[{host}]" if ":" in host else host
+        self.url = f"http://{shown_host}:{self._socket.getsockname()[1]}"
+        self._server: uvicorn.Server | None = None
+        self._stopped = False
+
+    def serve(self, app: Starlette) -> None:
+        """Serve until :meth:`stop` (SIGINT and SIGTERM do that too, in the main thread)."""
+        config = uvicorn.Config(
+            app,
+            log_config=None,
+            access_log=False,
+            lifespan="off",
+            ws="none",
+            timeout_graceful_shutdown=_SHUTDOWN_S,
+        )
+        self._server = _Server(config)
+        self._server.should_exit = self._stopped
+        self._server.run(sockets=[self._socket])
+
+    def stop(self) -> None:
+        """Let ``serve`` return, or not begin. Idempotent."""
+        self._stopped = True
+        if self._server is not None:
+            self._server.should_exit = True
+
+    def close(self) -> None:
+        """Give the address back. Idempotent."""
+        self._socket.close()
+
+
+class _Server(uvicorn.Server):
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        # uvicorn would raise the signal again when done, and the process would die of it instead
+        # of exiting with 0.
+        del sig, frame
+        self.should_exit = True
+
+
+def _bind(host: str, port: int) -> socket.socket:
+    try:
+        family, kind, proto, _, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+    except (socket.gaierror, UnicodeError) as error:
+        raise BindError(f"cannot serve on {host!r}: it is no address of this machine") from error
+    bound = socket.socket(family, kind, proto)
+    try:
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        bound.bind(address)
+        bound.listen(128)
+    except OSError as error:
+        bound.close()
+        raise BindError(_cannot(host, port, error)) from error
+    return bound
+
+
+def _cannot(host: str, port: int, error: OSError) -> str:
+    if error.errno == errno.EADDRINUSE:
+        return (
+            f"{host}:{port} is already in use, perhaps by another gateway; "
+            "stop that, or serve elsewhere with --port (0 takes any free port)"
+        )
+    if error.errno == errno.EACCES:
+        return f"{host}:{port} needs more rights than this user has; take a port above 1023"
+    return f"cannot serve on {host}:{port}: {error.strerror}"
