@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from beacon_core.errors import ConfigError, UsageError
 from beacon_core.hint import BeaconHint
 from beacon_core.wire import json
@@ -15,7 +17,9 @@ class FakeAnnouncer:
     """Announces on a :class:`FakeNetwork`; see the ``Announcer`` port for what that promises.
 
     ``clock_offset_s`` is how far its wall clock, and so its stamps, are ahead of the network's.
-    Its state is guarded by the network's lock.
+    Each entity is repeated every ``period_s``, beginning at a random moment of the first period:
+    all at once would exceed the rate that a gateway allows one source. Its state is guarded by the
+    network's lock.
     """
 
     def __init__(
@@ -34,23 +38,29 @@ class FakeAnnouncer:
         self._period_ns = None if period_s is None else max(1, int(period_s * 1e9))
         self._offset_ns = int(clock_offset_s * 1e9)
         self._payloads: dict[str, bytes] = {}
+        self._beats: dict[str, int] = {}
+        """Which row of repetitions an entity is in; a new one when it comes back."""
         self._sequence = 0
         self._gone = ""
         network.join_sender(self)
-        self._schedule_beat()
 
     def announce(self, hint: BeaconHint) -> None:
         payload = json.encode(hint)
         with self._network.lock:
             if self._gone:
                 raise UsageError(f"announce({hint.entity_id!r}): this announcer has {self._gone}")
+            known = hint.entity_id in self._payloads
             self._payloads[hint.entity_id] = payload
             self._network.send(self._hint(payload))
+            if not known:
+                self._begin_beats(hint.entity_id)
 
     def withdraw(self, entity_id: str) -> None:
         with self._network.lock:
-            if self._payloads.pop(entity_id, None) is not None:
-                self._network.send(self._message(Kind.GOODBYE, entity_id=entity_id))
+            if self._gone or self._payloads.pop(entity_id, None) is None:
+                return
+            self._beats.pop(entity_id, None)
+            self._network.send(self._message(Kind.GOODBYE, entity_id=entity_id))
 
     def close(self) -> None:
         with self._network.lock:
@@ -83,15 +93,20 @@ class FakeAnnouncer:
             kind, self.name, entity_id, payload, stamp_ns, self.incarnation, self._sequence
         )
 
-    def _schedule_beat(self) -> None:
+    def _begin_beats(self, entity_id: str) -> None:
         if self._period_ns is not None:
-            now_ns = self._network.clock.monotonic_ns()
-            self._network.schedule(now_ns + self._period_ns, self._beat)
+            self._beats[entity_id] = row = self._sequence
+            first_ns = int(self._period_ns * self._network.chance())
+            self._schedule_beat(first_ns, entity_id, row)
 
-    def _beat(self) -> None:
+    def _schedule_beat(self, in_ns: int, entity_id: str, row: int) -> None:
+        due_ns = self._network.clock.monotonic_ns() + in_ns
+        self._network.schedule(due_ns, partial(self._beat, entity_id, row))
+
+    def _beat(self, entity_id: str, row: int) -> None:
         with self._network.lock:
-            if self._gone:
+            payload = self._payloads.get(entity_id)
+            if self._gone or payload is None or self._beats.get(entity_id) != row:
                 return
-            for message in self.present():
-                self._network.send(message)
-            self._schedule_beat()
+            self._network.send(self._hint(payload))
+            self._schedule_beat(self._period_ns or 0, entity_id, row)

@@ -227,6 +227,11 @@ class FakeNetwork:
         with self.lock:
             self._events.push(due_ns, happen, in_flight=False)
 
+    def chance(self) -> float:
+        """A share from 0 to 1, by the network's seed."""
+        with self.lock:
+            return self._rng.random()
+
     def counters(self) -> dict[str, int]:
         """Totals: each message is counted once per receiver as ``sent``, and comes to one end.
 

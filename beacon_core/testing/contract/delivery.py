@@ -151,6 +151,15 @@ class DeliveryChecks(ContractBase):
         self.eventually(harness, lambda: listener.store.size() == 200, "200 entities are known")
         self.conclude(harness, listener)
 
+    def test_repetitions_are_spread_so_that_a_rate_does_not_starve_the_same_ones_for_ever(
+        self, harness: Harness
+    ) -> None:
+        listener = Listener(harness, source_rate=100.0).start()
+        announcer = harness.announcer(period_s=2.0)
+        for number in range(150):
+            announcer.announce(hint(f"part-{number}"))
+        self.eventually(harness, lambda: listener.store.size() == 150, "150 entities are known")
+
     def test_many_announcers_are_heard_side_by_side(self, harness: Harness) -> None:
         listener = Listener(harness).start()
         for number in range(10):
