@@ -113,6 +113,7 @@ class Intake:
                     if (
                         speaker is account
                         and run == incarnation
+                        and (not entity_id or entity_id == outcome.entity_id)
                         and self._refresh(record, version, sequence, sent_ns, now_ns)
                     ):
                         account.refreshed += 1

@@ -18,10 +18,12 @@ __all__ = [
     "MAX_LOG_CHARS",
     "MAX_PAYLOAD_BYTES",
     "MAX_REMEMBERED_BYTES",
+    "MAX_REMOVED",
     "MAX_REPAIRS",
     "MAX_SHORTCUT_BYTES",
     "MAX_SKIPS_LOGGED",
     "MAX_SOURCES",
+    "MAX_SOURCE_NAME",
     "MAX_STORE_BYTES",
     "HintLimits",
     "hint_bytes",
@@ -44,6 +46,7 @@ class HintLimits:
 
 
 DEFAULT_LIMITS = HintLimits()
+"""What applies unless something else is asked for."""
 
 MAX_PAYLOAD_BYTES = 256 * 1024
 """A hint that fills every limit takes about 112,000 bytes; twice that leaves room for JSON's
@@ -95,20 +98,22 @@ MAX_LOG_CHARS = 120
 
 def hint_bytes(hint: BeaconHint) -> int:
     """What one hint is accounted for in the byte cap: its text in bytes, and a fixed overhead."""
-    size = HINT_OVERHEAD_BYTES
-    for text in (
-        hint.entity_id,
-        hint.stable_id,
-        hint.display_name,
-        hint.component_id,
-        hint.transport_type,
-        hint.negotiated_format,
-        hint.process_name,
-        hint.hostname,
-        *hint.function_ids,
-        *hint.depends_on,
-        *hint.metadata.keys(),
-        *hint.metadata.values(),
-    ):
-        size += len(text) if text.isascii() else len(text.encode())
-    return size
+    text = "".join(
+        (
+            hint.entity_id,
+            hint.stable_id,
+            hint.display_name,
+            hint.component_id,
+            hint.transport_type,
+            hint.negotiated_format,
+            hint.process_name,
+            hint.hostname,
+            *hint.function_ids,
+            *hint.depends_on,
+            *hint.metadata,
+            *hint.metadata.values(),
+        )
+    )
+    # Not every hint in a store has been validated, so lone surrogates count as what they take.
+    size = len(text) if text.isascii() else len(text.encode("utf-8", "surrogatepass"))
+    return HINT_OVERHEAD_BYTES + size

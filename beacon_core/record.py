@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
+from operator import attrgetter
+
+import attrs
 
 from beacon_core.claims import Claimant, Speaker
 from beacon_core.deadlines import NEVER
@@ -12,8 +14,6 @@ from beacon_core.limits import MAX_HISTORY, hint_bytes
 from beacon_core.stored import Claim, StoredHint
 
 __all__ = ["Record", "merge"]
-
-T = TypeVar("T")
 
 
 class Record:
@@ -110,26 +110,14 @@ class Record:
 
 
 def merge(old: BeaconHint, new: BeaconHint) -> BeaconHint:
-    """``old`` with the given fields of ``new``; ``old`` itself if that changes nothing.
-
-    A field that says the same keeps the old object, so that a fleet's strings are not held twice.
-    """
-    merged = BeaconHint(
-        old.entity_id,
-        _pick(new.stable_id, old.stable_id),
-        _pick(new.display_name, old.display_name),
-        _pick(new.function_ids, old.function_ids),
-        _pick(new.depends_on, old.depends_on),
-        _pick(new.component_id, old.component_id),
-        _pick(new.transport_type, old.transport_type),
-        _pick(new.negotiated_format, old.negotiated_format),
-        _pick(new.process_id, old.process_id),
-        _pick(new.process_name, old.process_name),
-        _pick(new.hostname, old.hostname),
-        _pick(new.metadata, old.metadata),
-    )
-    return old if merged == old else merged
+    """``old`` with the given fields of ``new``; ``old`` itself if that changes nothing."""
+    before, after = _fields_of(old), _fields_of(new)
+    if after == before:
+        return old
+    if all(after):
+        return new
+    merged = [given or kept for given, kept in zip(after, before, strict=True)]
+    return old if (*merged,) == before else BeaconHint(*merged)
 
 
-def _pick(new: T, old: T) -> T:
-    return new if new and new != old else old
+_fields_of = attrgetter(*(field.name for field in attrs.fields(BeaconHint)))

@@ -26,18 +26,37 @@ class Room:
         self.max_hints = max_hints
         self.max_bytes = max_bytes
         self.count = dict.fromkeys((Status.ACTIVE, Status.STALE, Status.LEFT), 0)
-        self.bytes = dict.fromkeys(self.count, 0)
+        self.total_bytes = 0
+        self._active_bytes = 0
         self._idle: list[Entry] = []
 
     def enter(self, record: Record) -> None:
         """A record begins to count, under the status and the size it has now."""
         self.count[record.status] += 1
-        self.bytes[record.status] += record.size
+        self.total_bytes += record.size
+        if record.status is Status.ACTIVE:
+            self._active_bytes += record.size
 
     def leave(self, record: Record) -> None:
         """A record ceases to count under the status and the size it has now."""
         self.count[record.status] -= 1
-        self.bytes[record.status] -= record.size
+        self.total_bytes -= record.size
+        if record.status is Status.ACTIVE:
+            self._active_bytes -= record.size
+
+    def resize(self, record: Record, size: int) -> None:
+        """A record's words have been replaced by others of this size."""
+        growth = size - record.size
+        record.size = size
+        self.total_bytes += growth
+        if record.status is Status.ACTIVE:
+            self._active_bytes += growth
+
+    def fits(self, *, count: int, size: int) -> bool:
+        """Is there room for ``count`` more records with ``size`` more bytes, as things are?"""
+        return (count == 0 or len(self) + count <= self.max_hints) and (
+            size <= 0 or self.total_bytes + size <= self.max_bytes
+        )
 
     def offer(self, record: Record, everyone: Iterable[Record]) -> None:
         """Enter a STALE or LEFT record among those that give way, as it is now."""
@@ -51,7 +70,7 @@ class Room:
 
         ``grower`` is a record that stays, whatever its status: it is the one that wants to grow.
         """
-        staying = self.bytes[Status.ACTIVE]
+        staying = self._active_bytes
         if grower is not None and grower.status is not Status.ACTIVE:
             staying += grower.size
         return self.count[Status.ACTIVE] + count <= self.max_hints and (
@@ -69,7 +88,7 @@ class Room:
     ) -> None:
         """Displace idle records until it fits. Only after ``can_be_made`` said yes."""
         kept: list[Entry] = []
-        while not self._fits(count, size):
+        while not self.fits(count=count, size=size):
             entry = heapq.heappop(self._idle)
             record = records.get(entry[2])
             if record is None or _entry(record) != entry or record.status is Status.ACTIVE:
@@ -83,11 +102,6 @@ class Room:
 
     def __len__(self) -> int:
         return sum(self.count.values())
-
-    def _fits(self, count: int, size: int) -> bool:
-        return len(self) + count <= self.max_hints and (
-            size <= 0 or sum(self.bytes.values()) + size <= self.max_bytes
-        )
 
 
 def _entry(record: Record) -> Entry:

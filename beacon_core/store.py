@@ -268,7 +268,7 @@ class HintStore:
                 stale=self._room.count[_STALE],
                 left=self._room.count[_LEFT],
                 conflicts=self._conflicts,
-                bytes=sum(self._room.bytes.values()),
+                bytes=self._room.total_bytes,
                 revision=self._revision,
                 expired=self._expired,
                 displaced=self._displaced,
@@ -304,18 +304,23 @@ class HintStore:
         record.sequence = message.sequence
         record.last_seen_ns = message.last_seen_ns
         record.view = None
-        if transition(record.status, cause) is not record.status:
-            self._go(record, cause, now_ns)
-        elif record.status is _STALE:
-            self._offer_room(record)
+        if record.status is _STALE:
+            if cause is Cause.HEARD:
+                self._go(record, cause, now_ns)
+            else:
+                self._offer_room(record)
         self._file(record)
-        merged = merge(record.hint, message.hint)
+        return self._merge(record, message.hint)
+
+    def _merge(self, record: Record, hint: BeaconHint) -> Verdict:
+        merged = merge(record.hint, hint)
         if merged is record.hint:
             return Verdict.REFRESHED
-        size = hint_bytes(merged) - record.size
-        if not self._make_room(count=0, size=size, grower=record):
+        size = hint_bytes(merged)
+        growth = size - record.size
+        if growth > 0 and not self._make_room(count=0, size=growth, grower=record):
             return Verdict.STORE_FULL
-        self._set_hint(record, merged)
+        self._set_hint(record, merged, size)
         return Verdict.CHANGED
 
     def _heard_other(self, record: Record, message: Claimant, now_ns: int) -> Verdict:
@@ -446,7 +451,10 @@ class HintStore:
             return record.last_seen_ns + self.expiry_ns
         if record.status is _LEFT:
             return record.history[-1].at_ns + self.ttl_ns
-        return min((record.last_seen_ns, *map(last_seen, record.rivals))) + self.ttl_ns
+        seen_ns = record.last_seen_ns
+        if record.rivals:
+            seen_ns = min(seen_ns, *map(last_seen, record.rivals))
+        return seen_ns + self.ttl_ns
 
     # -- changes ---------------------------------------------------------------------------------
 
@@ -471,7 +479,7 @@ class HintStore:
         record.source, record.incarnation = heir.source, heir.incarnation
         record.sequence = heir.sequence
         record.last_seen_ns = record.first_seen_ns = heir.last_seen_ns
-        self._set_hint(record, heir.hint)
+        self._set_hint(record, heir.hint, hint_bytes(heir.hint))
         self._go(record, cause, at_ns, detail)
         self._file(record)
 
@@ -482,10 +490,9 @@ class HintStore:
         self._set_rivals(record, others)
         self._file(record)
 
-    def _set_hint(self, record: Record, hint: BeaconHint) -> None:
-        self._room.leave(record)
-        record.hint, record.size = hint, hint_bytes(hint)
-        self._room.enter(record)
+    def _set_hint(self, record: Record, hint: BeaconHint, size: int) -> None:
+        record.hint = hint
+        self._room.resize(record, size)
         self._changed(record)
 
     def _set_rivals(self, record: Record, rivals: tuple[Claimant, ...]) -> None:
@@ -516,6 +523,8 @@ class HintStore:
 
     def _make_room(self, *, count: int, size: int, grower: Record | None = None) -> bool:
         """Let idle records give way, unless even that is not enough: then nobody does."""
+        if self._room.fits(count=count, size=size):
+            return True
         if not self._room.can_be_made(count=count, size=size, grower=grower):
             self._refused += 1
             return False
