@@ -289,6 +289,8 @@ class HintStore:
         self._records[record.entity_id] = record
         self._room.enter(record)
         self._changed(record)
+        if record.status is _STALE:
+            self._offer_room(record)
         self._file(record)
         return Verdict.NEW, record
 
