@@ -32,6 +32,8 @@ __all__ = ["TRANSITIONS", "Cause", "Status", "Transition", "transition"]
 
 
 class Status(enum.StrEnum):
+    """What the evidence about a hint is worth; the theory is above."""
+
     ACTIVE = "active"
     STALE = "stale"
     LEFT = "left"
@@ -99,6 +101,7 @@ TRANSITIONS: Mapping[tuple[Status, Cause], Status] = MappingProxyType(
         (_L, Cause.FORGOTTEN): _E,
     }
 )
+"""All that can happen: from a status, by a cause, to a status. Drawn in docs/lifecycle.md."""
 
 
 def transition(status: Status, cause: Cause) -> Status:

@@ -14,6 +14,7 @@ from beacon_core.ports.source import HintSource
 __all__ = ["ENTRY_POINT_GROUP", "Adapter", "Decoder", "Malformed"]
 
 ENTRY_POINT_GROUP = "beacon.adapters"
+"""Where packages register an :class:`Adapter`, under the name it is chosen by."""
 
 
 @attrs.frozen

@@ -11,6 +11,8 @@ __all__ = ["Condition", "Health"]
 
 
 class Condition(enum.StrEnum):
+    """Where an adapter is in its life, as far as its carrier is concerned."""
+
     STARTING = "starting"
     """Not connected yet, and trying."""
     UP = "up"
@@ -23,6 +25,8 @@ class Condition(enum.StrEnum):
 
 @attrs.frozen
 class Health:
+    """A report at one moment. Each has counters of its own, so it stays as it was."""
+
     condition: Condition
     detail: str = ""
     """One sentence: what happened, and what to do about it. Empty when all is well."""

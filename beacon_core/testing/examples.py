@@ -26,3 +26,4 @@ def bench_hint(number: int) -> BeaconHint:
 
 
 BENCH_HINT = bench_hint(42)
+"""The hint that every measurement is made with."""
