@@ -12,7 +12,8 @@ saw it happen, tells us that it is gone, so a hint's status is a statement about
 
 Status is a function of the evidence and the time alone: ``age >= expiry`` is EXPIRED, else
 ``age >= ttl`` or a loss not yet followed by a message is STALE, else ACTIVE. The store never lags
-behind its clock: each of its operations first settles what has become due, in the order it fell due.
+behind its clock: each of its operations first settles what has become due, in the order in which
+it fell due.
 
 CONFLICT is not a status but a flag beside it: two claimants hold one id (:mod:`.claims`).
 
