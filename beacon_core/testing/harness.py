@@ -56,6 +56,8 @@ class Capabilities:
     """Two announcers arrive under two ``source`` names."""
     knows_incarnations: bool = True
     """The carrier brings the announcer's incarnation and sequence beside the payload."""
+    vouches_for_ids: bool = True
+    """A message says, apart from its payload, whom it may speak for (a key, a node name)."""
     raw_payloads: bool = True
     """Hints travel as bytes, so that anybody can send anything: ``send_raw`` works."""
 

@@ -51,7 +51,7 @@ class FakeAnnouncer:
                 raise UsageError(f"announce({hint.entity_id!r}): this announcer has {self._gone}")
             known = hint.entity_id in self._payloads
             self._payloads[hint.entity_id] = payload
-            self._network.send(self._hint(payload))
+            self._network.send(self._hint(hint.entity_id, payload))
             if not known:
                 self._begin_beats(hint.entity_id)
 
@@ -60,7 +60,7 @@ class FakeAnnouncer:
             if self._gone or self._payloads.pop(entity_id, None) is None:
                 return
             self._beats.pop(entity_id, None)
-            self._network.send(self._message(Kind.GOODBYE, entity_id=entity_id))
+            self._network.send(self._message(Kind.GOODBYE, entity_id))
 
     def close(self) -> None:
         with self._network.lock:
@@ -75,18 +75,18 @@ class FakeAnnouncer:
 
     def present(self) -> list[Message]:
         """Each hint said anew; new sequence numbers, since it is true now and not only then."""
-        return [self._hint(payload) for payload in self._payloads.values()]
+        return [self._hint(*one) for one in self._payloads.items()]
 
     def vanish(self) -> None:
         """Crash; called by :meth:`FakeNetwork.crash`."""
         self._gone = "crashed"
 
-    def _hint(self, payload: bytes) -> Message:
+    def _hint(self, entity_id: str, payload: bytes) -> Message:
         stamp_ns = self._network.clock.wall_ns() + self._offset_ns
-        return self._message(Kind.HINT, payload=payload, stamp_ns=stamp_ns)
+        return self._message(Kind.HINT, entity_id, payload, stamp_ns)
 
     def _message(
-        self, kind: Kind, *, entity_id: str = "", payload: bytes = b"", stamp_ns: int = 0
+        self, kind: Kind, entity_id: str, payload: bytes = b"", stamp_ns: int = 0
     ) -> Message:
         self._sequence += 1
         return Message(
@@ -108,5 +108,5 @@ class FakeAnnouncer:
             payload = self._payloads.get(entity_id)
             if self._gone or payload is None or self._beats.get(entity_id) != row:
                 return
-            self._network.send(self._hint(payload))
+            self._network.send(self._hint(entity_id, payload))
             self._schedule_beat(self._period_ns or 0, entity_id, row)

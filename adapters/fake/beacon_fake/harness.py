@@ -93,12 +93,12 @@ class FakeHarness:
 
     def send_raw(
         self,
-        entity_id: str,  # noqa: ARG002 - all hints share one place here
+        entity_id: str,
         payload: bytes,
         *,
         sender: str = "stranger",
     ) -> None:
-        self.network().send(Message(Kind.HINT, sender, payload=payload))
+        self.network().send(Message(Kind.HINT, sender, entity_id, payload))
 
     def wait_until(self, predicate: Callable[[], bool], deadline_s: float) -> bool:
         deadline_ns = self.clock.monotonic_ns() + int(deadline_s * 1e9)

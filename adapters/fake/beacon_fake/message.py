@@ -24,7 +24,7 @@ class Message:
     kind: Kind
     sender: str
     entity_id: str = ""
-    """Of a GOODBYE or LOST; a HINT says it in its payload."""
+    """Whom it is about. For a HINT: whom alone it may speak for; empty: for anybody."""
     payload: bytes = b""
     stamp_ns: int = 0
     incarnation: str = ""

@@ -105,6 +105,7 @@ def _hand_in(message: Message, sink: HintSink) -> None:
         sink.offer(
             message.payload,
             source,
+            entity_id=message.entity_id,
             stamp_ns=message.stamp_ns,
             incarnation=incarnation,
             sequence=message.sequence,

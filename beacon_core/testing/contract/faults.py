@@ -54,6 +54,20 @@ class FaultChecks(ContractBase):
         self.active(harness, listener, "neighbour")
         self.conclude(harness, listener)
 
+    def test_a_payload_about_another_than_it_may_speak_for_is_refused(
+        self, harness: Harness
+    ) -> None:
+        self.needs(harness, "raw_payloads", "vouches_for_ids")
+        listener = Listener(harness).start()
+        harness.announcer().announce(hint("engine", "true"))
+        self.active(harness, listener, "engine")
+        harness.send_raw("stranger", harness.encode(hint("engine", "false")))
+        self.eventually(
+            harness, lambda: listener.count(Verdict.INVALID) == 1, "the payload is refused"
+        )
+        assert listener.says("engine", "true")
+        self.conclude(harness, listener)
+
     def test_what_its_own_wire_format_allows_at_its_worst_harms_nobody(
         self, harness: Harness
     ) -> None:
