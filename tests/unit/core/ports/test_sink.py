@@ -17,6 +17,7 @@ class Drain:
         payload: bytes,
         source: str,
         *,
+        entity_id: str = "",
         stamp_ns: int = 0,
         incarnation: str = "",
         sequence: int = 0,

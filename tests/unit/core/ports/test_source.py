@@ -39,6 +39,7 @@ class Ear:
         payload: bytes,
         source: str,
         *,
+        entity_id: str = "",
         stamp_ns: int = 0,
         incarnation: str = "",
         sequence: int = 0,
