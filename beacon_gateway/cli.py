@@ -12,7 +12,7 @@ from typing import Any
 
 from beacon_core.errors import ConfigError
 from beacon_gateway import __version__
-from beacon_gateway.exits import EXIT_CODES, Exit, Fault
+from beacon_gateway.console.exits import EXIT_CODES, Exit, Fault
 
 __all__ = ["COMMANDS", "main"]
 

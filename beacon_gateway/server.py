@@ -11,7 +11,7 @@ from starlette.applications import Starlette
 
 from beacon_core.errors import BeaconError
 
-__all__ = ["BindError", "HttpServer"]
+__all__ = ["BindError", "HttpServer", "free_port"]
 
 _SHUTDOWN_S = 1
 """How long answers under way may take once the server is told to stop."""
@@ -59,6 +59,13 @@ class HttpServer:
     def close(self) -> None:
         """Give the address back. Idempotent."""
         self._socket.close()
+
+
+def free_port() -> int:
+    """A port of this machine that was free a moment ago."""
+    with _bind("127.0.0.1", 0) as bound:
+        port: int = bound.getsockname()[1]
+        return port
 
 
 class _Server(uvicorn.Server):

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import argparse
 import logging
-import math
-import signal
 import threading
-from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager
+from collections.abc import Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +19,11 @@ from beacon_core.ports.adapter import Adapter
 from beacon_core.ports.announcer import Announcer
 from beacon_gateway.adapters import load_adapter
 from beacon_gateway.config import LogLevel
-from beacon_gateway.exits import Exit, Fault
-from beacon_gateway.hints import Checked, checked_hint, read_hints, this_process
-from beacon_gateway.logs import set_up_logging
+from beacon_gateway.console.exits import Exit, Fault
+from beacon_gateway.console.flags import seconds
+from beacon_gateway.console.hints import Checked, checked_hint, read_hints, this_process
+from beacon_gateway.console.logs import set_up_logging
+from beacon_gateway.console.signals import on_stop_signal
 from beacon_gateway.problems import headed
 from beacon_gateway.structuring import Structurer
 
@@ -77,8 +77,8 @@ def parser() -> argparse.ArgumentParser:
         type=_option,
         help="an option of the adapter, the value in YAML; may be repeated",
     )
-    way.add_argument("--period", type=_seconds, default=2.0, metavar="S", help="default: 2")
-    way.add_argument("--duration", type=_seconds, metavar="S", help="stop by itself after this")
+    way.add_argument("--period", type=seconds, default=2.0, metavar="S", help="default: 2")
+    way.add_argument("--duration", type=seconds, metavar="S", help="stop by itself after this")
     way.add_argument("--log-level", choices=list(LogLevel), default=LogLevel.INFO)
     return made
 
@@ -89,7 +89,8 @@ def run(arguments: argparse.Namespace) -> int:
     checked = [checked_hint(hint, this_process()) for hint in _hints(arguments)]
     adapter = load_adapter(arguments.adapter)
     options = _options(adapter, arguments)
-    with _told_to_stop() as stop:
+    stop = threading.Event()
+    with on_stop_signal(stop.set):
         try:
             announcer = adapter.announcer(options, arguments.period)
         except BeaconError as error:
@@ -143,19 +144,6 @@ def _options(adapter: Adapter, arguments: argparse.Namespace) -> Any:
         raise headed(f"options of {adapter.name}", error) from error
 
 
-@contextmanager
-def _told_to_stop() -> Iterator[threading.Event]:
-    """An event that SIGINT and SIGTERM set; a second one changes nothing."""
-    stop = threading.Event()
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    before = {number: signal.signal(number, lambda *_: stop.set()) for number in numbers}
-    try:
-        yield stop
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
 def _add_field(group: argparse._ArgumentGroup, field: attrs.Attribute[Any]) -> None:
     flag, text = f"--{field.name.replace('_', '-')}", _FIELDS[field.name]
     if field.name == "metadata":
@@ -190,13 +178,3 @@ def _process_id(text: str) -> int:
     if text.isascii() and text.isdigit() and int(text) < 2**32:
         return int(text)
     raise argparse.ArgumentTypeError(f"{text!r} is no process id, 0 to {2**32 - 1}")
-
-
-def _seconds(text: str) -> float:
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = math.nan
-    if 0.01 <= seconds <= 1e6:
-        return seconds
-    raise argparse.ArgumentTypeError(f"{text!r} is no number of seconds from 0.01 to 1000000")

@@ -13,9 +13,9 @@ import yaml
 from beacon_core.errors import ConfigError
 from beacon_gateway.commands.run import read_config
 from beacon_gateway.config import Config
-from beacon_gateway.exits import Exit
+from beacon_gateway.console.exits import Exit
+from beacon_gateway.console.terminal import printable, write_json
 from beacon_gateway.problems import DocumentError, Problem
-from beacon_gateway.terminal import printable, write_json
 
 __all__ = ["parser", "run"]
 

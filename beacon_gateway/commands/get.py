@@ -8,10 +8,17 @@ from typing import Any
 
 from rich.table import Table
 
-from beacon_gateway.client import DEFAULT_URL, Answer, GatewayClient
-from beacon_gateway.exits import Exit, Fault
-from beacon_gateway.table import by_attention, entity_table
-from beacon_gateway.terminal import STATUS_STYLES, cell, console, duration, printable, write_json
+from beacon_gateway.console.client import DEFAULT_URL, Answer, GatewayClient
+from beacon_gateway.console.exits import Exit, Fault
+from beacon_gateway.console.table import by_attention, entity_table
+from beacon_gateway.console.terminal import (
+    STATUS_STYLES,
+    cell,
+    console,
+    duration,
+    printable,
+    write_json,
+)
 
 __all__ = ["parser", "run"]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import logging
-import signal
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -13,15 +12,17 @@ import attrs
 
 from beacon_core.errors import BeaconError, ConfigError
 from beacon_gateway.config import Config, Loaded, LogLevel, default_config, load_config
-from beacon_gateway.exits import Exit, Fault
+from beacon_gateway.console.exits import Exit, Fault
+from beacon_gateway.console.flags import port
+from beacon_gateway.console.logs import set_up_logging
+from beacon_gateway.console.signals import on_stop_signal
+from beacon_gateway.console.terminal import write_json
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.http import make_app
-from beacon_gateway.logs import set_up_logging
 from beacon_gateway.problems import headed
-from beacon_gateway.server import BindError, HttpServer
-from beacon_gateway.terminal import write_json
+from beacon_gateway.server import HttpServer
 
-__all__ = ["parser", "read_config", "run"]
+__all__ = ["opened", "parser", "read_config", "run"]
 
 _log = logging.getLogger(__name__)
 
@@ -34,7 +35,7 @@ def parser() -> argparse.ArgumentParser:
     )
     made.add_argument("-c", "--config", type=Path, metavar="FILE", help="the YAML configuration")
     made.add_argument("--host", help="serve on this address instead of the configured one")
-    made.add_argument("--port", type=int, help="serve on this port instead; 0 takes any free one")
+    made.add_argument("--port", type=port, help="serve on this port instead; 0 takes any free one")
     made.add_argument("--log-level", choices=list(LogLevel), help="instead of the configured one")
     made.add_argument(
         "--json", action="store_true", help='once it serves, print {"url": ...} as one line'
@@ -49,17 +50,30 @@ def run(arguments: argparse.Namespace) -> int:
     set_up_logging(config.log_level)
     for correction in loaded.corrections:
         _log.warning("%s", correction)
-    try:
-        server = HttpServer(config.http.host, config.http.port)
-    except BindError as error:
-        raise Fault(str(error)) from error
-    with closing(server), _stopping(server), _started(config) as gateway:
+    with opened(config) as (server, gateway), on_stop_signal(server.stop):
         _log.info("serving %s", server.url)
         if arguments.json:
             write_json({"url": server.url}, indent=None)
         server.serve(make_app(gateway))
     _log.info("stopped")
     return Exit.OK
+
+
+@contextmanager
+def opened(config: Config) -> Iterator[tuple[HttpServer, Gateway]]:
+    """A gateway that listens, and a server that has its address; closed in the end.
+
+    Raises ``Fault`` with one sentence if either cannot be had.
+    """
+    try:
+        # The address first: it is what most often cannot be had, and the cheapest to try.
+        with closing(HttpServer(config.http.host, config.http.port)) as server:
+            gateway = Gateway(config)
+            gateway.start()
+            with closing(gateway):
+                yield server, gateway
+    except BeaconError as error:
+        raise Fault(str(error)) from error
 
 
 def read_config(path: Path | None) -> Loaded:
@@ -73,36 +87,9 @@ def read_config(path: Path | None) -> Loaded:
 
 
 def _overridden(config: Config, arguments: argparse.Namespace) -> Config:
-    host = config.http.host if arguments.host is None else arguments.host
-    port = config.http.port if arguments.port is None else arguments.port
-    if not 0 <= port <= 65535:
-        raise Fault(f"--port {port}: give a port, 0 to 65535", Exit.USAGE)
-    level = LogLevel(arguments.log_level or config.log_level)
-    return attrs.evolve(
-        config, http=attrs.evolve(config.http, host=host, port=port), log_level=level
+    given = {"host": arguments.host, "port": arguments.port}
+    http = attrs.evolve(
+        config.http, **{name: value for name, value in given.items() if value is not None}
     )
-
-
-@contextmanager
-def _started(config: Config) -> Iterator[Gateway]:
-    try:
-        gateway = Gateway(config)
-        gateway.start()
-    except BeaconError as error:
-        raise Fault(str(error)) from error
-    with closing(gateway):
-        yield gateway
-
-
-@contextmanager
-def _stopping(server: HttpServer) -> Iterator[None]:
-    """SIGINT and SIGTERM stop the server, also before it serves and while things are closed."""
-    before = {
-        number: signal.signal(number, lambda *_: server.stop())
-        for number in (signal.SIGINT, signal.SIGTERM)
-    }
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    level = LogLevel(arguments.log_level or config.log_level)
+    return attrs.evolve(config, http=http, log_level=level)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -13,10 +12,11 @@ from rich.console import Group
 from rich.live import Live
 from rich.text import Text
 
-from beacon_gateway.client import DEFAULT_URL, GatewayClient, Unreachable
-from beacon_gateway.exits import Exit
-from beacon_gateway.table import Item, by_attention, entity_table, summary
-from beacon_gateway.terminal import console, duration, write_json
+from beacon_gateway.console.client import DEFAULT_URL, GatewayClient, Unreachable
+from beacon_gateway.console.exits import Exit
+from beacon_gateway.console.flags import seconds
+from beacon_gateway.console.table import Item, by_attention, entity_table, summary
+from beacon_gateway.console.terminal import console, duration, write_json
 
 __all__ = ["parser", "run"]
 
@@ -35,7 +35,7 @@ def parser() -> argparse.ArgumentParser:
     )
     made.add_argument("--url", default=DEFAULT_URL, help="the gateway (default: %(default)s)")
     made.add_argument(
-        "--interval", type=_interval, default=1.0, metavar="S", help="seconds (default: 1)"
+        "--interval", type=seconds, default=1.0, metavar="S", help="seconds (default: 1)"
     )
     made.add_argument("--once", action="store_true", help="show it once and end")
     made.add_argument("--json", action="store_true", help="print JSON, one line each time")
@@ -102,13 +102,3 @@ def _frame(url: str, items: list[Item], lost_s: float | None, rows: int | None) 
     if lost_s is not None:
         state += Text(f"  does not answer for {duration(lost_s)}; trying again", "bold red")
     return Group(state, summary(items), Text(), entity_table(items, rows), Text())
-
-
-def _interval(text: str) -> float:
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = math.nan
-    if 0.05 <= seconds <= 3600:
-        return seconds
-    raise argparse.ArgumentTypeError(f"{text!r} is no number of seconds from 0.05 to 3600")

@@ -8,7 +8,7 @@ from urllib.parse import quote
 import attrs
 import httpx
 
-from beacon_gateway.exits import Exit, Fault
+from beacon_gateway.console.exits import Exit, Fault
 
 __all__ = ["DEFAULT_URL", "Answer", "GatewayClient", "Unreachable"]
 

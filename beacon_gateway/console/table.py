@@ -9,7 +9,7 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from beacon_gateway.terminal import STATUS_STYLES, cell, duration
+from beacon_gateway.console.terminal import STATUS_STYLES, cell, duration
 
 __all__ = ["by_attention", "entity_table", "summary"]
 
