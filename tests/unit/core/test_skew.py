@@ -1,0 +1,73 @@
+"""Stamps: what is measured, what is believed."""
+
+from __future__ import annotations
+
+import pytest
+
+from beacon_core.skew import TOLERATED_OFFSET_NS, ClockOffset, SkewPolicy, trusted_age_ns
+
+S = 1_000_000_000
+EXPIRY = 300 * S
+
+
+@pytest.mark.parametrize("policy", SkewPolicy)
+def test_a_stamp_from_the_future_is_just_now_or_not_believed(policy: SkewPolicy) -> None:
+    assert trusted_age_ns(-5 * S, EXPIRY, policy) == (None if policy == "arrival" else 0)
+
+
+def test_the_age_of_a_plausible_stamp_is_believed_by_stamp_and_auto() -> None:
+    assert trusted_age_ns(7 * S, EXPIRY, SkewPolicy.STAMP) == 7 * S
+    assert trusted_age_ns(7 * S, EXPIRY, SkewPolicy.AUTO) == 7 * S
+    assert trusted_age_ns(7 * S, EXPIRY, SkewPolicy.ARRIVAL) is None
+
+
+def test_auto_does_not_believe_a_stamp_that_would_make_the_hint_invisible() -> None:
+    assert trusted_age_ns(EXPIRY - 1, EXPIRY, SkewPolicy.AUTO) == EXPIRY - 1
+    assert trusted_age_ns(EXPIRY, EXPIRY, SkewPolicy.AUTO) is None
+    assert trusted_age_ns(EXPIRY, EXPIRY, SkewPolicy.STAMP) == EXPIRY
+
+
+def test_nothing_is_known_before_the_first_stamp() -> None:
+    clock = ClockOffset()
+    assert clock.offset_ns is None
+    assert not clock.skewed
+
+
+def test_the_offset_is_the_smallest_difference_seen() -> None:
+    clock = ClockOffset()
+    for difference in (5 * S, 2 * S, 9 * S):
+        clock.observe(stamp_ns=100 * S, wall_now_ns=100 * S + difference)
+    assert clock.offset_ns == 2 * S
+    assert clock.skewed
+
+
+def test_one_or_two_late_messages_are_not_called_skew() -> None:
+    clock = ClockOffset()
+    for _ in range(2):
+        clock.observe(stamp_ns=0, wall_now_ns=60 * S)
+        assert not clock.skewed
+    clock.observe(stamp_ns=0, wall_now_ns=60 * S)
+    assert clock.skewed
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_an_offset_is_reported_only_above_the_tolerance(sign: int) -> None:
+    within, beyond = ClockOffset(), ClockOffset()
+    for _ in range(3):
+        within.observe(stamp_ns=0, wall_now_ns=sign * TOLERATED_OFFSET_NS)
+        beyond.observe(stamp_ns=0, wall_now_ns=sign * (TOLERATED_OFFSET_NS + 1))
+    assert not within.skewed
+    assert beyond.skewed
+
+
+def test_a_clock_that_is_set_right_is_seen_to_be_right_within_two_windows() -> None:
+    clock = ClockOffset()
+    for _ in range(64):
+        clock.observe(stamp_ns=60 * S, wall_now_ns=0)
+    assert clock.offset_ns == -60 * S
+    for _ in range(64):
+        clock.observe(stamp_ns=0, wall_now_ns=0)
+        assert clock.skewed
+    clock.observe(stamp_ns=0, wall_now_ns=0)
+    assert clock.offset_ns == 0
+    assert not clock.skewed
