@@ -254,6 +254,13 @@ def test_a_character_that_ends_at_the_limit_is_kept() -> None:
     assert accepted(hint).hint is hint
 
 
+def test_in_a_hint_with_other_faults_text_that_just_fits_is_no_fault() -> None:
+    hint = BeaconHint("a", stable_id="a b", hostname="é" * 256, metadata={"k": "é" * 512})
+    given = accepted(hint)
+    assert given.hint == attrs.evolve(hint, stable_id="")
+    assert given.repairs == ("$.stable_id: not an id, cleared",)
+
+
 def test_what_is_not_utf8_is_repaired_and_reported() -> None:
     given = accepted(BeaconHint("a", hostname="r\udcffb\ud83d\ude00", metadata={"k": "\ud800"}))
     assert given.hint == BeaconHint("a", hostname="r\ufffdb\ufffd\ufffd", metadata={"k": "\ufffd"})
