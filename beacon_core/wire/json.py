@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import codecs
 import json
+from collections.abc import Mapping
 from typing import Any, cast
 
 import attrs
@@ -251,7 +252,7 @@ class _Fields:
         entries = (self._entry(value, field, index) for index, value in enumerate(values))
         return tuple(entry for entry in entries if entry is not None)
 
-    def _metadata(self) -> dict[str, str]:
+    def _metadata(self) -> Mapping[str, str]:
         values = self._given("metadata", dict, "an object of strings") or {}
         entries = {}
         for key, value in values.items():
@@ -261,7 +262,7 @@ class _Fields:
             entry = self._entry(value, "metadata", clean_key)
             if entry is not None:
                 entries[clean_key] = entry
-        return entries
+        return entries or NO_METADATA
 
     def _process_id(self) -> int:
         value = self._found.get("process_id")
