@@ -1,0 +1,214 @@
+"""From options to a Zenoh configuration: defaults, then the file, then inline, then by name."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import attrs
+import zenoh
+
+from beacon_core.errors import ConfigError
+from beacon_zenoh.options import DEFAULT_ENDPOINT, Mode, TlsOptions, ZenohOptions
+
+__all__ = ["SessionConfig", "reason", "session_config"]
+
+Document = dict[str, Any]
+
+_DEFAULTS: Document = {
+    # Multicast takes minutes to find somebody, and then it may be a stranger.
+    "scouting": {"multicast": {"enabled": False}},
+    "connect": {
+        # Zenoh waits 1, 2, 4 s; this way a router that is back is found within half a second.
+        "retry": {
+            "period_init_ms": 100,
+            "period_max_ms": 500,
+            "period_increase_factor": 1.5,
+        },
+    },
+    "transport": {
+        # 352 sessions at most per host, and memory that stays locked: not for hints of 500 bytes.
+        "shared_memory": {"enabled": False},
+        "unicast": {
+            # Zenoh's 1000 and 100 turn a fleet away; 10,000 is also rmw_zenoh's choice.
+            "max_sessions": 10_000,
+            "accept_pending": 1_000,
+            # The other side speaks another protocol (tls to tcp) or hangs; Zenoh waits 10 s.
+            "open_timeout": 3_000,
+        },
+        "link": {
+            "tx": {
+                # A hung or unplugged robot is noticed after this, in ms; Zenoh's 10 s is a ttl.
+                "lease": 2_000,
+                # Room for 2,000 hints said at once, 64 KiB each step; Zenoh's 2 hold 250.
+                "queue": {"size": {"data": 16}},
+            }
+        },
+    },
+}
+
+_FILES = (
+    "transport/link/tls/root_ca_certificate",
+    "transport/link/tls/listen_certificate",
+    "transport/link/tls/listen_private_key",
+    "transport/link/tls/connect_certificate",
+    "transport/link/tls/connect_private_key",
+    "transport/auth/usrpwd/dictionary_file",
+)
+"""Zenoh says nothing but "Timeout" if one of these is not there."""
+
+_SOURCE_PLACE = re.compile(r"( at)? ?/\S+\.rs:\d+\.?")
+
+
+@attrs.frozen
+class SessionConfig:
+    """What a session is opened with, and what to say about it."""
+
+    mode: Mode
+    connect: tuple[str, ...]
+    listen: tuple[str, ...]
+    document: Mapping[str, Any] = attrs.field(repr=False)
+
+    def make(self) -> zenoh.Config:
+        """A new Zenoh configuration: a session consumes it."""
+        return zenoh.Config.from_json5(json.dumps(self.document))
+
+
+def session_config(options: ZenohOptions, default_mode: Mode) -> SessionConfig:
+    """Put together what the options say. Reads files; connects to nothing.
+
+    Raises ``ConfigError`` for what Zenoh refuses and for files that cannot be read.
+    """
+    document = _merged(_DEFAULTS, _file(options.config_file))
+    document = _merged(document, _inline(options.config))
+    document = _merged(document, _named(options))
+    mode = document.setdefault("mode", default_mode)
+    _endpoints(document, mode)
+    if mode != "peer":
+        # Gossip is how peers get past a router, and past its access control.
+        document = _merged({"scouting": {"gossip": {"enabled": False}}}, document)
+    _check_files(document)
+    return SessionConfig(
+        mode=mode,
+        connect=_for_mode(document["connect"]["endpoints"], mode),
+        listen=_for_mode(document["listen"]["endpoints"], mode),
+        document=document,
+    )
+
+
+def reason(error: Exception) -> str:
+    """Zenoh's words without the places in its source code."""
+    return _SOURCE_PLACE.sub("", str(error)).strip().rstrip(".")
+
+
+def _named(options: ZenohOptions) -> Document:
+    """The options that have names of their own, where Zenoh keeps them."""
+    document: Document = {}
+    if options.mode is not None:
+        document["mode"] = options.mode
+    for name in ("connect", "listen"):
+        if endpoints := getattr(options, name):
+            document[name] = {"endpoints": list(endpoints)}
+    auth = {
+        "user": options.user,
+        "password": options.password,
+        "dictionary_file": options.users_file,
+    }
+    if given := {key: value for key, value in auth.items() if value}:
+        document["transport"] = {"auth": {"usrpwd": given}}
+    if options.tls is not None:
+        document = _merged(document, {"transport": {"link": {"tls": _tls(options.tls)}}})
+    return document
+
+
+def _tls(tls: TlsOptions) -> Document:
+    document: Document = {"root_ca_certificate": tls.ca} if tls.ca else {}
+    if tls.certificate:
+        for side in ("listen", "connect"):
+            document[f"{side}_certificate"] = tls.certificate
+            document[f"{side}_private_key"] = tls.key
+    if tls.ca and tls.certificate:
+        document["enable_mtls"] = True
+        # A certificate that runs out while connected ends the connection, as it would not begin.
+        document["close_link_on_expiration"] = True
+    return document
+
+
+def _endpoints(document: Document, mode: Mode) -> None:
+    """Fill in where to connect and listen: Zenoh's own defaults are all interfaces."""
+    connect = document["connect"].setdefault("endpoints", [])
+    listen = document.setdefault("listen", {}).setdefault("endpoints", [])
+    if mode == "client" and not _for_mode(connect, mode):
+        document["connect"]["endpoints"] = [DEFAULT_ENDPOINT]
+    elif mode != "client" and not _for_mode(listen, mode):
+        port_of_any = "tcp/127.0.0.1:0"
+        document["listen"]["endpoints"] = [DEFAULT_ENDPOINT if mode == "router" else port_of_any]
+
+
+def _for_mode(endpoints: Any, mode: Mode) -> tuple[str, ...]:
+    """Zenoh takes a list, or a list for each mode."""
+    if isinstance(endpoints, Mapping):
+        endpoints = endpoints.get(mode, ())
+    return tuple(str(one) for one in endpoints) if isinstance(endpoints, list | tuple) else ()
+
+
+def _inline(config: Mapping[str, Any]) -> Document:
+    try:
+        zenoh.Config.from_json5(json.dumps(config))
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"config: not what JSON can hold: {error}") from error
+    except zenoh.ZError as error:
+        raise ConfigError(f"config: Zenoh refuses it: {reason(error)}") from error
+    return dict(config)
+
+
+def _file(path: str) -> Document:
+    if not path:
+        return {}
+    try:
+        text = Path(path).read_text("utf-8")
+        # For its error messages, which name the line.
+        zenoh.Config.from_json5(text)
+        # Zenoh is the JSON5 parser at hand; as metadata it keeps a document as it is, where its
+        # own Config would add all of Zenoh's defaults, and then ours could not be told from them.
+        whole = zenoh.Config.from_json5(f"{{metadata:{text}\n}}")
+        document: Document = json.loads(whole.get_json("metadata"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"config_file: {path!r} cannot be read: {error}") from error
+    except zenoh.ZError as error:
+        raise ConfigError(
+            f"config_file: {path!r} is no Zenoh configuration in JSON5: {reason(error)}"
+        ) from error
+    return document
+
+
+def _check_files(document: Document) -> None:
+    for key in _FILES:
+        value: Any = document
+        for step in key.split("/"):
+            value = value.get(step) if isinstance(value, Mapping) else None
+        if not value:
+            continue
+        try:
+            Path(str(value)).read_bytes()
+        except OSError as error:
+            raise ConfigError(
+                f"{key}: {value!r} cannot be read: {error.strerror}; write the path of a file"
+            ) from error
+
+
+def _merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> Document:
+    """Both documents; where they differ, ``above`` holds. ``None`` is "not given", as for Zenoh."""
+    result = dict(below)
+    for key, value in above.items():
+        if value is None:
+            continue
+        under = result.get(key)
+        if isinstance(under, Mapping) and isinstance(value, Mapping):
+            result[key] = _merged(under, value)
+        else:
+            result[key] = value
+    return result

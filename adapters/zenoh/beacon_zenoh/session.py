@@ -1,0 +1,274 @@
+"""A Zenoh session that is kept open: for sources and announcers alike, whatever they say on it.
+
+Theory. Everything that may wait for the network happens in one daemon thread, the keeper's: opening
+(with retries, for as long as there is no router), declaring, the owner's own work (``step``),
+closing. So nobody who calls the owner ever waits for the network, closing has a deadline that does
+not depend on Zenoh (which may block for 10 s), and a session that has died is replaced.
+
+Three traps of the Zenoh binding are dealt with here, each measured with 1.10.2:
+
+* a process with a callback on an open session never exits. The callbacks' threads inherit being
+  daemons from the thread that declares them, which is this one, so they do not hold the process;
+* but then they die while the interpreter is dismantled, which ends the process with SIGABRT (8 of
+  8 times under traffic). So what is still open at exit is closed then, by ``atexit``, before;
+* a client's ``open`` fails when its router is not there, whatever Zenoh's options say.
+
+After a fork, a child has none of these threads. It must make its own source or announcer.
+"""
+
+from __future__ import annotations
+
+import atexit
+import logging
+import os
+import threading
+import time
+import weakref
+from collections.abc import Callable, Mapping
+
+import zenoh
+
+from beacon_core.errors import ConfigError, UsageError
+from beacon_core.ports.health import Condition, Health
+from beacon_zenoh.config import SessionConfig, reason
+
+__all__ = ["CLOSE_WITHIN_S", "SessionKeeper"]
+
+_log = logging.getLogger(__name__)
+
+CLOSE_WITHIN_S = 0.9
+"""The ports promise 1 s; the rest is for what the owner does besides."""
+
+WATCH_EVERY_S = 0.5
+"""How often the session is looked at when nothing happens."""
+
+STALLED_AFTER_S = 10.0
+"""A client that has no router for so long gets a new session. Zenoh reconnects by itself within
+half a second of the router's return; should it ever not, this does."""
+
+_RETRY_S = (0.1, 0.15, 0.225, 0.34, 0.5)
+"""Waits between attempts to open; the last one is repeated. As configured for Zenoh's own."""
+
+_LISTEN_WITHIN_S = 5.0
+"""A router listens after 5 ms, a peer that also connects after 500."""
+
+
+class SessionKeeper:
+    """Thread rule: ``start`` once, from any thread; everything else from any, at any time.
+
+    ``declare(session)`` and ``step(session)`` are called in the keeper's thread only. ``declare``
+    for each new session, before ``step`` sees it. ``step`` whenever :meth:`wake` was called, and
+    after as many seconds as it returned (``None``: no need); with ``None`` while there is no
+    session. ``farewell(session)`` is the last word before an orderly close.
+    """
+
+    def __init__(
+        self,
+        config: SessionConfig,
+        *,
+        declare: Callable[[zenoh.Session], None],
+        step: Callable[[zenoh.Session | None], float | None],
+        farewell: Callable[[zenoh.Session], None],
+    ) -> None:
+        self.config = config
+        self.reopened = 0
+        """Sessions that were found dead and replaced."""
+        self._declare = declare
+        self._step = step
+        self._farewell = farewell
+        self._pid = os.getpid()
+        self._woken = threading.Event()
+        self._first_attempt = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="beacon-zenoh", daemon=True)
+        self._started = False
+        self._closing = False
+        self._orderly = True
+        self._session: zenoh.Session | None = None
+        self._links: set[str] = set()
+        self._was_up = False
+        self._linked_at = time.monotonic()
+        self._failures = 0
+        self._error = ""
+
+    def start(self) -> None:
+        """Begin to open. A client returns at once and keeps trying; who listens, listens.
+
+        Raises ``ConfigError`` if that is impossible, and ``UsageError`` for a second start.
+        """
+        if self._started or self._closing:
+            raise UsageError("start: it was started or closed already; make a new one")
+        self._started = True
+        _open_keepers.add(self)
+        self._thread.start()
+        if self.config.mode == "client":
+            return
+        self._first_attempt.wait(_LISTEN_WITHIN_S)
+        if self._session is None and self._error:
+            error = self._error
+            self.close()
+            raise ConfigError(
+                f"listen: cannot listen at {', '.join(self.config.listen)}: {error}; "
+                "stop what uses it, or give another endpoint"
+            )
+
+    def wake(self) -> None:
+        """Let ``step`` be called soon."""
+        self._woken.set()
+
+    @property
+    def connected(self) -> bool:
+        """Is anybody at the other end?"""
+        return bool(self._links)
+
+    @property
+    def forked(self) -> bool:
+        """Is this a child of the process that made it? Then nothing works."""
+        return self._pid != os.getpid()
+
+    def close(self, within_s: float = CLOSE_WITHIN_S, *, orderly: bool = True) -> None:
+        """End it. Waits at most ``within_s`` for it, though Zenoh may go on in the background.
+
+        Called from ``declare`` or ``step`` it does not wait. Not ``orderly``: without farewell.
+        """
+        self._orderly = self._orderly and orderly
+        self._closing = True
+        self._woken.set()
+        if self._thread.is_alive() and threading.current_thread() is not self._thread:
+            self._thread.join(within_s)
+
+    def health(self, counters: Mapping[str, int]) -> Health:
+        """In words for people; with the owner's counters."""
+        condition, detail = self._condition()
+        own = {"links": len(self._links), "sessions-reopened": self.reopened}
+        return Health(condition, detail, {**own, **counters})
+
+    def _condition(self) -> tuple[Condition, str]:
+        if self._closing:
+            return Condition.CLOSED, ""
+        if not self._started:
+            return Condition.STARTING, "Not started yet."
+        listening = self._session is not None and self.config.mode != "client"
+        if self._links or (listening and not self.config.connect):
+            return Condition.UP, ""
+        where = ", ".join(self.config.connect)
+        if listening:
+            return Condition.DEGRADED, f"Listening, but not connected to {where}; still trying."
+        if self._was_up:
+            return Condition.DOWN, f"The connection to {where} was lost; reconnecting by itself."
+        return Condition.STARTING, f"No connection to {where} yet; still trying. {self._advice()}."
+
+    def _advice(self) -> str:
+        advice = "Start the router there, or correct 'connect'"
+        if self.config.document["transport"].get("auth"):
+            advice += "; check user and password at both ends, for Zenoh does not say"
+        if any(one.startswith(("tls/", "quic/")) for one in self.config.connect):
+            advice += "; check the certificates at both ends, for Zenoh does not say"
+        return advice
+
+    def _run(self) -> None:
+        retry_at = 0.0
+        while not self._closing:
+            if self._session is None and time.monotonic() >= retry_at:
+                self._open()
+                retry_at = time.monotonic() + _RETRY_S[min(self._failures, len(_RETRY_S) - 1)]
+            pause = self._guarded_step()
+            limit = WATCH_EVERY_S
+            if self._session is None:
+                limit = max(0.0, retry_at - time.monotonic())
+            self._woken.wait(limit if pause is None else min(pause, limit))
+            self._woken.clear()
+            self._watch()
+        self._end()
+
+    def _open(self) -> None:
+        try:
+            session = zenoh.open(self.config.make())
+        except zenoh.ZError as error:
+            self._failures += 1
+            self._error = reason(error)
+            _log.debug("cannot open a session: %s", self._error)
+        else:
+            self._failures = 0
+            self._linked_at = time.monotonic()
+            self._prepare(session)
+        self._first_attempt.set()
+
+    def _prepare(self, session: zenoh.Session) -> None:
+        try:
+            session.info.declare_transport_events_listener(self._on_transport, history=True)
+            self._declare(session)
+        except zenoh.ZError as error:  # it was closed under our hands
+            self._failures += 1
+            self._error = reason(error)
+            _close(session)
+        else:
+            self._session = session
+
+    def _guarded_step(self) -> float | None:
+        try:
+            return self._step(self._session)
+        except zenoh.ZError as error:
+            # The session was closed in the middle; _watch replaces it.
+            _log.debug("a session ended in use: %s", reason(error))
+            return None
+
+    def _watch(self) -> None:
+        """Drop a session that is dead, so that a new one is opened."""
+        session = self._session
+        if session is None or self._closing:
+            return
+        if session.is_closed():
+            _log.warning("the Zenoh session was found closed; opening another")
+        elif self.config.mode == "client" and self._stalled():
+            _log.info("no router for %g s; opening another session", STALLED_AFTER_S)
+        else:
+            return
+        self.reopened += 1
+        self._session = None
+        self._links = set()
+        _close(session)
+
+    def _stalled(self) -> bool:
+        if self._links:
+            self._linked_at = time.monotonic()
+        return time.monotonic() - self._linked_at > STALLED_AFTER_S
+
+    def _on_transport(self, event: zenoh.TransportEvent) -> None:
+        """In a callback thread of its own."""
+        zid = str(event.transport.zid)
+        if event.kind == zenoh.SampleKind.PUT:
+            self._links.add(zid)
+            self._was_up = True
+        else:
+            self._links.discard(zid)
+        self._woken.set()
+
+    def _end(self) -> None:
+        session, self._session = self._session, None
+        if session is None:
+            return
+        try:
+            if self._orderly:
+                self._farewell(session)
+        except zenoh.ZError as error:
+            _log.debug("no farewell: %s", reason(error))
+        finally:
+            _close(session)
+            self._links = set()
+
+
+def _close(session: zenoh.Session) -> None:
+    try:
+        session.close()  # type: ignore[no-untyped-call]
+    except zenoh.ZError as error:  # "close operation timed out!", after 10 s
+        _log.debug("closing a session: %s", reason(error))
+
+
+_open_keepers: weakref.WeakSet[SessionKeeper] = weakref.WeakSet()
+
+
+@atexit.register
+def _close_all() -> None:
+    """Close without farewell: to end without ``close`` is to vanish."""
+    for keeper in [one for one in _open_keepers if not one.forked]:
+        keeper.close(orderly=False)
