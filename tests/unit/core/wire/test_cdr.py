@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import struct
 import time
 from pathlib import Path
@@ -298,3 +299,17 @@ def test_both_byte_orders_mean_the_same() -> None:
     for hint in (BENCH_HINT, attrs.evolve(BENCH_HINT, display_name="é", metadata={})):
         both = [cdr.encode(hint, 5, big_endian=order) for order in (False, True)]
         assert [decoded(payload) for payload in both] == [Announcement(hint, 5)] * 2
+
+
+# --- the example of the documentation
+
+
+def test_the_documented_bytes_are_those_that_are_written_and_read() -> None:
+    docs = (Path(__file__).parents[4] / "docs" / "wire-formats.md").read_text("utf-8")
+    section = docs.partition("## CDR")[2]
+    rows = re.findall(r"^((?:[0-9a-f]{2} )+)  ", section, re.MULTILINE)
+    payload = bytes.fromhex("".join(rows))
+    announcement = decoded(payload)
+    assert announcement.hint.display_name == "Öl"
+    assert announcement.hint.metadata == {"vendor": "acme"}
+    assert cdr.encode(announcement.hint, announcement.stamp_ns) == payload

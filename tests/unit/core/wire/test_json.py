@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json as std_json
+import re
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -363,3 +365,19 @@ def test_what_is_no_hint_is_malformed_with_the_place_and_the_cause(
 
 def test_a_reason_repeats_nothing_of_the_payload() -> None:
     assert "\x1b" not in reason(b'{"entity_id":"\x1b[31m"}')
+
+
+# --- the example of the documentation
+
+
+def test_the_documented_bytes_are_those_that_are_written_and_read() -> None:
+    text = (Path(__file__).parents[4] / "docs" / "wire-formats.md").read_text("utf-8")
+    section = text.partition("## JSON")[2].partition("## CDR")[0]
+    example = re.search(r"```json\n(.*)\n```", section)
+    assert example is not None
+    payload = example[1].encode()
+    rows = re.findall(r"^((?:[0-9a-f]{2} )+)  ", section, re.MULTILINE)
+    assert bytes.fromhex("".join(rows)) == payload
+    announcement = decoded(payload)
+    assert announcement.repairs == ()
+    assert json.encode(announcement.hint, announcement.stamp_ns) == payload
