@@ -6,9 +6,11 @@ import uuid
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import attrs
+
 from beacon_core.clock import ManualClock
 from beacon_core.hint import BeaconHint
-from beacon_core.ports.adapter import Adapter
+from beacon_core.ports.adapter import Adapter, Decoder
 from beacon_core.ports.announcer import Announcer
 from beacon_core.ports.source import HintSource
 from beacon_core.testing.harness import Capabilities
@@ -20,9 +22,11 @@ from beacon_fake import (
     FakeAnnouncer,
     FakeNetwork,
     FakeOptions,
+    FakeSource,
     Kind,
     Link,
     Message,
+    find_network,
     share_network,
     unshare_network,
 )
@@ -31,9 +35,12 @@ __all__ = ["FakeHarness"]
 
 
 class FakeHarness:
-    """A :class:`beacon_core.testing.harness.Harness`; each ``network`` is a ``FakeNetwork``."""
+    """A :class:`beacon_core.testing.harness.Harness`; each ``network`` is a ``FakeNetwork``.
 
-    adapter: Adapter = ADAPTER
+    ``source``, ``announcer`` and ``decode`` replace parts of the adapter: with a part that has a
+    fault, the suite must find it.
+    """
+
     capabilities = Capabilities()
     patience_s = 30.0
     quiet_s = 5.0
@@ -47,8 +54,24 @@ class FakeHarness:
         {"clock_offset_s": "soon"},
     )
 
-    def __init__(self, *, seed: int = 0, link: Link = LOCAL) -> None:
+    def __init__(
+        self,
+        *,
+        seed: int = 0,
+        link: Link = LOCAL,
+        source: Callable[[FakeNetwork], FakeSource] = FakeSource,
+        announcer: type[FakeAnnouncer] = FakeAnnouncer,
+        decode: Decoder = json.decode,
+    ) -> None:
         self.clock = ManualClock()
+        self.adapter: Adapter = attrs.evolve(
+            ADAPTER,
+            source=lambda options: source(find_network(options.network)),
+            announcer=lambda options, period_s: announcer(
+                find_network(options.network), period_s=period_s
+            ),
+            decode=decode,
+        )
         self._seed, self._link = seed, link
         self._prefix = uuid.uuid4().hex
         self._networks: dict[int, FakeNetwork] = {}
