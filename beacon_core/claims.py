@@ -56,6 +56,8 @@ class Claimant:
     incarnation: str
     sequence: int
     last_seen_ns: int
+    text_bytes: int = 0
+    """Bytes of text in its hint, if they have been counted; see ``validator.clean_bytes``."""
     contending: bool = False
     """Heard while another held the id; otherwise a predecessor that has been silent since."""
 

@@ -96,11 +96,17 @@ class DeadlineQueue(Generic[T]):
         return deadline_ns, item
 
     def next_deadline_ns(self) -> int | None:
-        """The earliest deadline, exactly; ``None`` when there is none."""
+        """A time at which it is early enough to look again; ``None`` when nothing is filed.
+
+        Not after the earliest deadline, and at most a slot before it: to be exact, a slot would
+        have to be sorted whose members will nearly all have moved on by then.
+        """
         self._drop_invalid()
-        while not self._near and self._slot_order:
-            self._bring_near()
-        return self._near[0][0] if self._near else None
+        if self._near:
+            return self._near[0][0]
+        while self._slot_order and not self._slots[self._slot_order[0]]:
+            del self._slots[heapq.heappop(self._slot_order)]
+        return self._slot_order[0] << self._shift if self._slot_order else None
 
     def _enter_slot(self, item: T) -> None:
         members = self._slots.get(item.slot)

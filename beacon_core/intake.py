@@ -30,7 +30,7 @@ from beacon_core.sources import Source, SourceReport, Sources
 from beacon_core.store import HintStore
 from beacon_core.text import quoted
 from beacon_core.token_bucket import FairGate, TokenBucket
-from beacon_core.validator import Rejected, validate
+from beacon_core.validator import Rejected, clean_bytes, validate
 
 __all__ = ["Intake"]
 
@@ -183,18 +183,20 @@ class Intake:
             named = quoted(announcement.hint.entity_id)
             detail = f"$.entity_id: {named}, but it may speak for {quoted(entity_id)} only"
             return self._finish(account, Outcome(Verdict.INVALID, detail=detail))
-        checked = validate(announcement.hint, self._limits)
-        if isinstance(checked, Rejected):
-            return self._finish(account, Outcome(Verdict.INVALID, detail=checked.reason))
-        hint = checked.hint
+        hint, repairs = announcement.hint, announcement.repairs
+        text_bytes = clean_bytes(hint, self._limits)
+        if not text_bytes:
+            checked = validate(hint, self._limits)
+            if isinstance(checked, Rejected):
+                return self._finish(account, Outcome(Verdict.INVALID, detail=checked.reason))
+            hint, repairs = checked.hint, repairs + checked.repairs
         stamped = announcement.stamp_ns
         if stamped:
             with self._lock:
                 sent_ns = self._sent_ns(account, stamped, self._now_ns())
             self._report_skew(account)
-        message = Claimant(hint, account.name, incarnation, sequence, sent_ns)
+        message = Claimant(hint, account.name, incarnation, sequence, sent_ns, text_bytes)
         verdict, record, version = self.store.take(message)
-        repairs = announcement.repairs + checked.repairs
         # A payload with a stamp of its own is never the same again; one with repairs is read
         # again each time, so that they are reported each time.
         if record is not None and not stamped and not repairs:

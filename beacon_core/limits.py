@@ -17,6 +17,7 @@ __all__ = [
     "MAX_HISTORY",
     "MAX_LOG_CHARS",
     "MAX_PAYLOAD_BYTES",
+    "MAX_POOLED",
     "MAX_REMEMBERED_BYTES",
     "MAX_REMOVED",
     "MAX_REPAIRS",
@@ -68,6 +69,9 @@ MAX_CLAIMS = 4
 MAX_HISTORY = 16
 """Transitions kept per entity: they show that a robot flaps, also when it flaps for a year."""
 
+MAX_POOLED = 16_384
+"""Texts that many hints share and that are therefore held once: 4 MB at the most."""
+
 MAX_REMOVED = 10_000
 """Ended ids remembered for ``changes_since``. A reader further behind is given everything."""
 
@@ -96,8 +100,13 @@ MAX_LOG_CHARS = 120
 """Foreign text in one log line, after escaping (upstream logged 2 MB for a 1 MB id)."""
 
 
-def hint_bytes(hint: BeaconHint) -> int:
-    """What one hint is accounted for in the byte cap: its text in bytes, and a fixed overhead."""
+def hint_bytes(hint: BeaconHint, text_bytes: int = 0) -> int:
+    """What one hint is accounted for in the byte cap: its text in bytes, and a fixed overhead.
+
+    ``text_bytes`` spares the counting where that was done before.
+    """
+    if text_bytes:
+        return HINT_OVERHEAD_BYTES + text_bytes
     text = "".join(
         (
             hint.entity_id,

@@ -56,7 +56,7 @@ class Record:
         self.history: tuple[Transition, ...] = ()
         self.rivals: tuple[Claimant, ...] = ()
         self.restarts = 0
-        self.size = hint_bytes(first.hint)
+        self.size = hint_bytes(first.hint, first.text_bytes)
         self.revision = 0
         """The store's revision at the last change; 0 once the record has ended."""
         self.due_ns = self.slot = self.slot_end_ns = NEVER

@@ -35,8 +35,16 @@ from beacon_core.clock import Clock
 from beacon_core.deadlines import DeadlineQueue
 from beacon_core.hint import BeaconHint
 from beacon_core.lifecycle import Cause, Status, Transition, transition
-from beacon_core.limits import MAX_CLAIMS, MAX_HINTS, MAX_REMOVED, MAX_STORE_BYTES, hint_bytes
+from beacon_core.limits import (
+    MAX_CLAIMS,
+    MAX_HINTS,
+    MAX_POOLED,
+    MAX_REMOVED,
+    MAX_STORE_BYTES,
+    hint_bytes,
+)
 from beacon_core.outcome import Verdict
+from beacon_core.pool import Pool
 from beacon_core.record import Record, merge
 from beacon_core.removals import Removals
 from beacon_core.room import Room
@@ -84,6 +92,7 @@ class HintStore:
         self._due: DeadlineQueue[Record] = DeadlineQueue(self.ttl_ns, self._deadline_ns)
         self._next_due_ns = _FOREVER_NS
         self._removals = Removals(MAX_REMOVED)
+        self._pool = Pool(MAX_POOLED)
         self._revision = 0
         self._conflicts = 0
         self._expired = self._displaced = self._refused = self._restarts = self._buried = 0
@@ -120,7 +129,8 @@ class HintStore:
         """
         now_ns = self.clock.monotonic_ns()
         with self.lock:
-            now_ns = self._settle(now_ns)
+            if now_ns >= self._next_due_ns:
+                self._settle(now_ns)
             if arrived or message.last_seen_ns > now_ns:
                 message.last_seen_ns = now_ns
             record = self._records.get(message.hint.entity_id)
@@ -244,7 +254,10 @@ class HintStore:
             return self._revision - before
 
     def next_deadline_ns(self) -> int | None:
-        """The monotonic time at which ``sweep`` will next find something; ``None``: never."""
+        """When to ``sweep`` next, on the monotonic clock; ``None``: there is nothing to wait for.
+
+        Never after the next thing is due, and at most a sixteenth of ``ttl`` before it.
+        """
         with self.lock:
             return self._due.next_deadline_ns()
 
@@ -283,6 +296,7 @@ class HintStore:
         cause = self._cause_of_hearing(message.last_seen_ns, now_ns)
         if cause is None:
             return Verdict.OLDER, None
+        message.hint = self._pool.share(message.hint)
         record = Record(message, transition(Status.EXPIRED, cause), cause)
         if not self._make_room(count=1, size=record.size):
             return Verdict.STORE_FULL, None
@@ -295,11 +309,19 @@ class HintStore:
         return Verdict.NEW, record
 
     def _heard(self, record: Record, message: Claimant, now_ns: int) -> Verdict:
-        if repeats(message, record) or message.last_seen_ns < record.last_seen_ns:
+        sent_ns = message.last_seen_ns
+        if sent_ns < record.last_seen_ns or (message.sequence and repeats(message, record)):
             return Verdict.OLDER
-        if record.cause is Cause.LOST and message.last_seen_ns < record.history[-1].at_ns:
+        if record.status is _ACTIVE and not record.rivals:
+            record.incarnation = message.incarnation or record.incarnation
+            record.sequence = message.sequence
+            record.last_seen_ns = sent_ns
+            if sent_ns + self.ttl_ns >= record.slot_end_ns:
+                self._due.schedule(record, sent_ns + self.ttl_ns)
+            return self._merge(record, message)
+        if record.cause is Cause.LOST and sent_ns < record.history[-1].at_ns:
             return Verdict.OLDER
-        cause = self._cause_of_hearing(message.last_seen_ns, now_ns)
+        cause = self._cause_of_hearing(sent_ns, now_ns)
         if cause is None:
             return Verdict.OLDER
         record.incarnation = message.incarnation or record.incarnation
@@ -312,13 +334,13 @@ class HintStore:
             else:
                 self._offer_room(record)
         self._file(record)
-        return self._merge(record, message.hint)
+        return self._merge(record, message)
 
-    def _merge(self, record: Record, hint: BeaconHint) -> Verdict:
-        merged = merge(record.hint, hint)
+    def _merge(self, record: Record, message: Claimant) -> Verdict:
+        merged = merge(record.hint, message.hint)
         if merged is record.hint:
             return Verdict.REFRESHED
-        size = hint_bytes(merged)
+        size = hint_bytes(merged, message.text_bytes if merged is message.hint else 0)
         growth = size - record.size
         if growth > 0 and not self._make_room(count=0, size=growth, grower=record):
             return Verdict.STORE_FULL
@@ -477,11 +499,12 @@ class HintStore:
             record.restarts += 1
             self._restarts += 1
         detail = succession(record, heir)
+        hint = self._pool.share(heir.hint)
         self._set_rivals(record, ())
         record.source, record.incarnation = heir.source, heir.incarnation
         record.sequence = heir.sequence
         record.last_seen_ns = record.first_seen_ns = heir.last_seen_ns
-        self._set_hint(record, heir.hint, hint_bytes(heir.hint))
+        self._set_hint(record, hint, hint_bytes(hint))
         self._go(record, cause, at_ns, detail)
         self._file(record)
 

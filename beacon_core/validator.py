@@ -17,7 +17,7 @@ from beacon_core.limits import DEFAULT_LIMITS, HintLimits
 from beacon_core.repairs import Repairs, mended
 from beacon_core.text import quoted
 
-__all__ = ["Accepted", "Rejected", "is_valid_id", "validate"]
+__all__ = ["Accepted", "Rejected", "clean_bytes", "is_valid_id", "validate"]
 
 _ID_BYTES = (string.ascii_letters + string.digits + "_-").encode()
 _MAX_PROCESS_ID = 2**32 - 1
@@ -48,7 +48,7 @@ def validate(hint: BeaconHint, limits: HintLimits = DEFAULT_LIMITS) -> Accepted 
     Never raises for any text. Idempotent: an accepted hint is accepted again as the same object
     and without repairs. Thread rule: any thread; it keeps nothing.
     """
-    if _is_clean(hint, limits):
+    if clean_bytes(hint, limits):
         return Accepted(hint, ())
     if not _is_id(hint.entity_id, limits.max_id_length):
         return Rejected(
@@ -65,18 +65,11 @@ def is_valid_id(text: str) -> bool:
     return _is_id(text, DEFAULT_LIMITS.max_id_length)
 
 
-def _is_id(text: str, max_length: int) -> bool:
-    return (
-        0 < len(text) <= max_length
-        and text.isascii()
-        and not text.encode().translate(None, _ID_BYTES)
-    )
+def clean_bytes(hint: BeaconHint, limits: HintLimits) -> int:
+    """The bytes of text of a hint that needs no mending; 0 for any other.
 
-
-def _is_clean(hint: BeaconHint, limits: HintLimits) -> bool:
-    """Whether there is nothing to mend. Nearly every hint is clean, so this is made to be fast.
-
-    It may say no to a clean hint if limits are unusual, but never yes to another.
+    Nearly every hint is clean, so this is made to be fast, and may be asked before ``validate``.
+    It may say 0 of a clean hint if limits are unusual, but never more of another.
 
     Fields that share an alphabet or a limit are looked at together: if the sum of their lengths
     is within it, each is. Nothing is put between them, so there is no separator to smuggle in.
@@ -98,9 +91,9 @@ def _is_clean(hint: BeaconHint, limits: HintLimits) -> bool:
         id_bytes = "".join(ids).encode()
         text_length = len("".join(texts).encode())
     except UnicodeEncodeError:
-        return False
+        return 0
     max_id, max_key = limits.max_id_length, limits.max_metadata_key_length
-    return (
+    clean = (
         not id_bytes.translate(None, _ID_BYTES)
         and hint.entity_id != ""
         and "" not in function_ids
@@ -116,6 +109,15 @@ def _is_clean(hint: BeaconHint, limits: HintLimits) -> bool:
         and len(depends_on) <= limits.max_depends_on
         and len(keys) <= limits.max_metadata_entries
         and 0 <= hint.process_id <= _MAX_PROCESS_ID
+    )
+    return len(id_bytes) + text_length if clean else 0
+
+
+def _is_id(text: str, max_length: int) -> bool:
+    return (
+        0 < len(text) <= max_length
+        and text.isascii()
+        and not text.encode().translate(None, _ID_BYTES)
     )
 
 
