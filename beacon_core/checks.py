@@ -9,16 +9,22 @@ from beacon_core.errors import ConfigError
 __all__ = ["at_least_one", "nanoseconds", "positive_rate"]
 
 
+_MAX_SECONDS = 1_000_000_000
+"""30 years. The nanoseconds of a much longer time are beyond a float."""
+
+
 def nanoseconds(key: str, seconds: float) -> int:
     """Whole nanoseconds, rounded down as C++'s ``duration_cast`` does."""
-    if not (math.isfinite(seconds) and seconds >= 0):
-        raise ConfigError(f"{key}: {seconds} is not possible; give a finite number of seconds >= 0")
+    if not 0 <= seconds <= _MAX_SECONDS:
+        raise ConfigError(
+            f"{key}: {seconds} is not possible; give a number of seconds from 0 to {_MAX_SECONDS}"
+        )
     return int(seconds * 1e9)
 
 
 def at_least_one(key: str, value: int) -> int:
     """A cap on a number of things."""
-    if value < 1:
+    if not 1 <= value < math.inf:
         raise ConfigError(f"{key}: {value} is not possible; give a whole number, at least 1")
     return value
 

@@ -1,0 +1,69 @@
+"""Checks of what a caller configures: what is refused, and what the message says."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from beacon_core.checks import at_least_one, nanoseconds, positive_rate
+from beacon_core.errors import ConfigError
+
+
+@pytest.mark.parametrize(
+    ("seconds", "expected_ns"),
+    [
+        (0, 0),
+        (0.0, 0),
+        (10, 10_000_000_000),
+        (0.1, 100_000_000),
+        (0.3, 300_000_000),
+        (0.7, 700_000_000),
+        # Down, never to the nearest: as C++'s duration_cast.
+        (1.9e-9, 1),
+        (0.9e-9, 0),
+        (1e9, 10**18),
+    ],
+)
+def test_seconds_become_whole_nanoseconds_rounded_down(seconds: float, expected_ns: int) -> None:
+    assert nanoseconds("ttl_s", seconds) == expected_ns
+
+
+@pytest.mark.parametrize(
+    # The last one is no float at all.
+    "seconds",
+    [math.nan, math.inf, -math.inf, -1, -1e-9, 1_000_000_001, 1.7e308, 10**400],
+    ids=lambda seconds: str(seconds)[:12],
+)
+def test_seconds_that_are_no_sensible_length_of_time_are_refused(seconds: float) -> None:
+    message = rf"^ttl_s: {seconds} is not possible; give a number of seconds from 0 to 1000000000$"
+    with pytest.raises(ConfigError, match=message.replace("+", r"\+")):
+        nanoseconds("ttl_s", seconds)
+
+
+@pytest.mark.parametrize("value", [1, 2, 10**18])
+def test_a_cap_of_one_or_more_is_taken(value: int) -> None:
+    assert at_least_one("max_hints", value) == value
+
+
+@pytest.mark.parametrize("value", [0, -1, math.nan, math.inf, -math.inf])
+def test_a_cap_that_is_none_or_below_one_is_refused(value: int) -> None:
+    with pytest.raises(
+        ConfigError, match=rf"^max_hints: {value} is not possible; give a whole number, at least 1$"
+    ):
+        at_least_one("max_hints", value)
+
+
+@pytest.mark.parametrize("value", [1, 1.0, 1.5, 1e308])
+def test_a_rate_of_one_or_more_is_taken(value: float) -> None:
+    rate = positive_rate("rate", value)
+    assert rate == value
+    assert type(rate) is float
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 0, 0.999, -5])
+def test_a_rate_that_is_none_is_refused(value: float) -> None:
+    with pytest.raises(
+        ConfigError, match=rf"^rate: {value} is not possible; give a finite number, at least 1\.0$"
+    ):
+        positive_rate("rate", value)
