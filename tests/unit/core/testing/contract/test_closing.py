@@ -191,6 +191,16 @@ BROKEN: list[tuple[Callable[[], FakeHarness], str, dict[str, Any]]] = [
         {},
     ),
     (takes_any_option, "an_option_with_a_wrong_value_is_refused_by_name", {}),
+    (
+        lambda: FakeHarness(source=HealthNeedsAnOpenSource),
+        "health_never_raises_whatever_else_is_going_on",
+        {},
+    ),
+    (
+        lambda: FakeHarness(source=IgnoresClose),
+        "a_source_closes_from_inside_a_callback",
+        {},
+    ),
 ]
 
 
