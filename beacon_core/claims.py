@@ -84,8 +84,8 @@ def same_claimant(one: Speaker, other: Speaker) -> bool:
 
 def other_host(one: Speaker, other: Speaker) -> bool:
     """Do both name a host, and not the same one?"""
-    host, other_host = one.hint.hostname, other.hint.hostname
-    return bool(host) and bool(other_host) and host != other_host
+    host, others = one.hint.hostname, other.hint.hostname
+    return host != others and host != "" != others
 
 
 def repeats(message: Speaker, known: Speaker) -> bool:

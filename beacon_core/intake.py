@@ -107,7 +107,11 @@ class Intake:
             if dropped is None:
                 if stamp_ns:
                     sent_ns = self._sent_ns(account, stamp_ns, now_ns)
-                known = account.known if payload == account.payload else self._recall(payload)
+                known = None
+                if payload == account.payload:
+                    known = account.known
+                elif account.speaks_for_several:
+                    known = self._recall(payload)
                 if known is not None:
                     speaker, run, record, version, outcome = known
                     if (
@@ -197,12 +201,16 @@ class Intake:
             self._report_skew(account)
         message = Claimant(hint, account.name, incarnation, sequence, sent_ns, text_bytes)
         verdict, record, version = self.store.take(message)
+        outcome = Outcome(verdict, hint.entity_id, repairs)
         # A payload with a stamp of its own is never the same again; one with repairs is read
         # again each time, so that they are reported each time.
-        if record is not None and not stamped and not repairs:
-            with self._lock:
-                self._memory.remember(payload, account, incarnation, record, version)
-        return self._finish(account, Outcome(verdict, hint.entity_id, repairs))
+        if record is None or stamped or repairs:
+            return self._finish(account, outcome)
+        with self._lock:
+            self._memory.remember(payload, account, incarnation, record, version)
+            account.counts[verdict] += 1
+            account.settled = True
+        return outcome
 
     def _decoded(self, payload: bytes) -> Announcement | Outcome:
         try:

@@ -41,6 +41,7 @@ class PayloadMemory:
             source.payload = payload
             source.known = (source, incarnation, record, version, outcome)
             return
+        source.speaks_for_several = True
         former = self._payload_of.pop(record.entity_id, b"")
         known = self._known.pop(former, None)
         if known is not None:

@@ -37,6 +37,7 @@ class Source:
         "repaired",
         "settled",
         "skew_reported",
+        "speaks_for_several",
     )
 
     def __init__(self, name: str) -> None:
@@ -46,6 +47,8 @@ class Source:
         self.payload = b""
         """The last payload of an entity it speaks for, and below what is known of it."""
         self.known: Known | None = None
+        self.speaks_for_several = False
+        """Some of its payloads are in the table of :class:`beacon_core.memory.PayloadMemory`."""
         self.refreshed = 0
         """The count that nearly every message goes to, kept apart from the others for speed."""
         self.counts: defaultdict[Verdict, int] = defaultdict(int)
