@@ -134,6 +134,9 @@ class HintStore:
             if arrived or message.last_seen_ns > now_ns:
                 message.last_seen_ns = now_ns
             record = self._records.get(message.hint.entity_id)
+            if record is not None and _follows(message, record):
+                # Readings of two clocks jitter, and a wall clock may be set back: numbers do not.
+                message.last_seen_ns = max(message.last_seen_ns, record.last_seen_ns)
             if record is None:
                 verdict, record = self._begin(message, now_ns)
             elif record.status is _LEFT:
@@ -563,3 +566,12 @@ class HintStore:
 
     def _offer_room(self, record: Record) -> None:
         self._room.offer(record, self._records.values())
+
+
+def _follows(message: Claimant, record: Record) -> bool:
+    """Do their numbers prove that the message was sent after what is known?"""
+    return (
+        message.sequence > record.sequence > 0
+        and message.incarnation == record.incarnation
+        and message.incarnation != ""
+    )
