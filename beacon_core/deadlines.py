@@ -9,7 +9,7 @@ by then has been silent for nearly its whole time to live, so a sweep pays for w
 hardly for anything else.
 
 Entries of the heap are never removed from the middle: one is valid while its record's deadline is
-still the one it was pushed with.
+still the one it was pushed with. Nor are slots: one is valid while it has members.
 """
 
 from __future__ import annotations
@@ -104,27 +104,33 @@ class DeadlineQueue(Generic[T]):
         self._drop_invalid()
         if self._near:
             return self._near[0][0]
-        while self._slot_order and not self._slots[self._slot_order[0]]:
-            del self._slots[heapq.heappop(self._slot_order)]
+        while self._slot_order and self._slot_order[0] not in self._slots:
+            heapq.heappop(self._slot_order)
         return self._slot_order[0] << self._shift if self._slot_order else None
 
     def _enter_slot(self, item: T) -> None:
         members = self._slots.get(item.slot)
-        if members is None:
-            self._slots[item.slot] = {item}
-            heapq.heappush(self._slot_order, item.slot)
-        else:
+        if members is not None:
             members.add(item)
+            return
+        self._slots[item.slot] = {item}
+        if len(self._slot_order) > 2 * len(self._slots) + _SLACK:
+            self._slot_order = sorted(self._slots)
+        else:
+            heapq.heappush(self._slot_order, item.slot)
 
     def _leave_slot(self, item: T) -> None:
         members = self._slots.get(item.slot)
         if members is not None:
             members.discard(item)
+            # A set that has been large stays so, and there may be many slots: so not kept if empty.
+            if not members:
+                del self._slots[item.slot]
 
     def _bring_near(self) -> None:
         slot = heapq.heappop(self._slot_order)
         self._horizon = slot
-        for item in self._slots.pop(slot):
+        for item in self._slots.pop(slot, ()):
             item.slot = item.slot_end_ns = NEVER
             self._push(item, self._deadline_ns(item))
 
