@@ -19,8 +19,9 @@ __all__ = ["SessionConfig", "reason", "session_config"]
 Document = dict[str, Any]
 
 _DEFAULTS: Document = {
-    # Multicast takes minutes to find somebody, and then it may be a stranger.
-    "scouting": {"multicast": {"enabled": False}},
+    # Multicast takes minutes to find somebody, and then it may be a stranger. Without it there is
+    # nothing to wait for; a router would wait 500 ms before it listens.
+    "scouting": {"multicast": {"enabled": False}, "delay": 0},
     "connect": {
         # Zenoh waits 1, 2, 4 s; this way a router that is back is found within half a second.
         "retry": {

@@ -49,8 +49,9 @@ half a second of the router's return; should it ever not, this does."""
 _RETRY_S = (0.1, 0.15, 0.225, 0.34, 0.5)
 """Waits between attempts to open; the last one is repeated. As configured for Zenoh's own."""
 
-_LISTEN_WITHIN_S = 5.0
-"""A router listens after 5 ms, a peer that also connects after 500."""
+_FIRST_ATTEMPT_S = 0.9
+"""How long ``start`` waits for it. A client needs 4 ms, with TLS too, and no longer to find that
+nobody is there; a router or a peer 5 ms. Only with a router that hangs it takes longer."""
 
 
 class SessionKeeper:
@@ -91,7 +92,7 @@ class SessionKeeper:
         self._error = ""
 
     def start(self) -> None:
-        """Begin to open. A client returns at once and keeps trying; who listens, listens.
+        """Open, or keep trying in the background if a client finds no router.
 
         Raises ``ConfigError`` if that is impossible, and ``UsageError`` for a second start.
         """
@@ -100,10 +101,8 @@ class SessionKeeper:
         self._started = True
         _open_keepers.add(self)
         self._thread.start()
-        if self.config.mode == "client":
-            return
-        self._first_attempt.wait(_LISTEN_WITHIN_S)
-        if self._session is None and self._error:
+        self._first_attempt.wait(_FIRST_ATTEMPT_S)
+        if self.config.mode != "client" and self._session is None and self._error:
             error = self._error
             self.close()
             raise ConfigError(

@@ -120,7 +120,7 @@ class ZenohSource:
 
     def _on_reply(self, reply: zenoh.Reply) -> None:
         if reply.ok is not None:
-            self._on_hint(reply.ok)
+            self._on_hint(reply.ok, answering=True)
 
     def _on_token(self, sample: zenoh.Sample) -> None:
         token = self._keys.token_of(str(sample.key_expr))
@@ -132,7 +132,7 @@ class ZenohSource:
             self._roster.vanished(token, time.monotonic_ns())
         self._keeper.wake()
 
-    def _on_hint(self, sample: zenoh.Sample) -> None:
+    def _on_hint(self, sample: zenoh.Sample, *, answering: bool = False) -> None:
         """The road of every message: a callback thread of Zenoh's, in the order sent."""
         entity_id = self._entity_of(str(sample.key_expr))
         if not entity_id:
@@ -144,6 +144,10 @@ class ZenohSource:
             self._count("bad-attachments")
             envelope = NO_ENVELOPE
         incarnation, sequence, stamp_ns = envelope
+        if answering:
+            # It was said after we asked, whatever the sender's clock makes of that: so it is later
+            # than the loss after which we asked.
+            stamp_ns = 0
         if sample.kind == _PUT:
             if self._roster.unheard:
                 self._roster.heard(entity_id)

@@ -1,0 +1,167 @@
+"""Zenoh as the contract suite wants it, over the loopback interface; and announcers to kill."""
+
+from __future__ import annotations
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import attrs
+import cattrs
+import zenoh
+
+from beacon_core.hint import BeaconHint
+from beacon_core.ports.adapter import Adapter, Malformed
+from beacon_core.ports.announcer import Announcer
+from beacon_core.testing.harness import RealTimeHarness
+from beacon_core.wire import json as wire
+from beacon_zenoh import ADAPTER
+from beacon_zenoh.config import session_config
+from beacon_zenoh.keys import Keys
+from beacon_zenoh.options import ZenohOptions
+
+__all__ = ["ProcessAnnouncer", "ZenohHarness", "free_endpoint", "open_router"]
+
+
+class ZenohHarness(RealTimeHarness):
+    """A :class:`beacon_core.testing.harness.Harness`; each ``network`` is a router of its own.
+
+    The router belongs to none of the sources, which are its clients, so that any number of them
+    can come and go.
+    """
+
+    adapter: Adapter = ADAPTER
+    bad_options: Sequence[Mapping[str, Any]] = (
+        {"mode": "server"},
+        {"mode": ["client"]},
+        {"connect": "tcp/127.0.0.1:7447"},
+        {"connect": ["127.0.0.1:7447"]},
+        {"connect": [7447]},
+        {"listen": ["carrier-pigeon/127.0.0.1:7447"]},
+        {"prefix": ""},
+        {"prefix": "/beacon"},
+        {"prefix": "beacon/**"},
+        {"prefix": "b" * 129},
+        {"user": "robot-1"},
+        {"user": 1},
+        {"password": "secret"},
+        {"users_file": None},
+        {"tls": "ca.pem"},
+        {"config_file": 7},
+        {"config": ["mode", "client"]},
+    )
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._routers: dict[int, tuple[zenoh.Session, str]] = {}
+        self._strangers: dict[str, zenoh.Session] = {}
+
+    def options(self, network: int = 0) -> ZenohOptions:
+        if network not in self._routers:
+            self._routers[network] = open_router()
+        return ZenohOptions(mode="client", connect=(self._routers[network][1],))
+
+    def announcer(
+        self, period_s: float | None = None, network: int = 0, *, mortal: bool = False
+    ) -> Announcer:
+        if not mortal:
+            return super().announcer(period_s, network)
+        announcer = ProcessAnnouncer(self.options(network), period_s)
+        self._made.append(announcer)
+        return announcer
+
+    def crash(self, announcer: Announcer) -> None:
+        assert isinstance(announcer, ProcessAnnouncer)  # noqa: S101 - for the type checker
+        announcer.end(signal.SIGKILL)
+
+    def encode(self, hint: BeaconHint, stamp_ns: int = 0) -> bytes:
+        return wire.encode(hint, stamp_ns)
+
+    def send_raw(self, entity_id: str, payload: bytes, *, sender: str = "stranger") -> None:
+        options = self.options()
+        if sender not in self._strangers:
+            self._strangers[sender] = zenoh.open(session_config(options, "client").make())
+        self._strangers[sender].put(Keys(options.prefix).hint(entity_id), payload)
+
+    def close(self) -> None:
+        super().close()
+        for session in (*self._strangers.values(), *(one for one, _ in self._routers.values())):
+            session.close()  # type: ignore[no-untyped-call]
+
+
+class ProcessAnnouncer:
+    """An announcer in a process of its own, which can be killed, stopped and interrupted."""
+
+    def __init__(self, options: ZenohOptions, period_s: float | None = None) -> None:
+        plain = json.dumps([cattrs.unstructure(options), period_s])
+        self.process = subprocess.Popen(  # noqa: S603 - our own module
+            [sys.executable, "-m", __name__, plain], stdin=subprocess.PIPE
+        )
+
+    def announce(self, hint: BeaconHint) -> None:
+        self._tell("announce", wire.encode(hint).decode())
+
+    def withdraw(self, entity_id: str) -> None:
+        self._tell("withdraw", entity_id)
+
+    def close(self) -> None:
+        self.end(signal.SIGINT)
+
+    def end(self, number: signal.Signals | None) -> int:
+        """Send the signal (``None``: let it run off its end, without ``close``), and wait.
+
+        Returns the exit code.
+        """
+        if number is not None and self.process.poll() is None:
+            self.process.send_signal(number)
+        if self.process.stdin is not None:
+            self.process.stdin.close()
+        return self.process.wait(10)
+
+    def _tell(self, *words: str) -> None:
+        assert self.process.stdin is not None  # noqa: S101 - for the type checker
+        self.process.stdin.write(json.dumps(words).encode() + b"\n")
+        self.process.stdin.flush()
+
+
+def free_endpoint() -> str:
+    """A TCP endpoint of this machine at which nobody listens yet."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+def open_router(options: ZenohOptions | None = None) -> tuple[zenoh.Session, str]:
+    """A router that is nothing else, and its endpoint."""
+    while True:
+        endpoint = free_endpoint()
+        listening = attrs.evolve(options or ZenohOptions(), listen=(endpoint,))
+        try:
+            return zenoh.open(session_config(listening, "router").make()), endpoint
+        except zenoh.ZError:  # somebody else took the port meanwhile
+            continue
+
+
+def _obey(announcer: Announcer, orders: Iterable[bytes | str]) -> None:
+    """In the child: obey. Interrupted it says goodbye; at the end of its orders it vanishes."""
+    try:
+        for order in orders:
+            verb, text = json.loads(order)
+            if verb == "withdraw":
+                announcer.withdraw(text)
+                continue
+            announcement = wire.decode(text.encode())
+            assert not isinstance(announcement, Malformed), announcement  # noqa: S101
+            announcer.announce(announcement.hint)
+    except KeyboardInterrupt:
+        announcer.close()
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    _plain, _period_s = json.loads(sys.argv[1])
+    _obey(ADAPTER.announcer(cattrs.structure(_plain, ZenohOptions), _period_s), sys.stdin.buffer)
