@@ -29,6 +29,7 @@ __all__ = [
     "find",
     "freshest_contender",
     "is_new_life",
+    "keep_count",
     "last_seen",
     "other_host",
     "repeats",
@@ -98,6 +99,14 @@ def repeats(message: Speaker, known: Speaker) -> bool:
         and message.incarnation == known.incarnation
         and 0 < message.sequence <= known.sequence
     )
+
+
+def keep_count(known: Speaker, message: Speaker) -> None:
+    """Note the number of a message that was accepted, for :func:`repeats`."""
+    if message.incarnation == known.incarnation:
+        known.sequence = message.sequence or known.sequence
+    elif message.incarnation:
+        known.incarnation, known.sequence = message.incarnation, message.sequence
 
 
 def is_new_life(message: Speaker, departed: Speaker) -> bool:

@@ -25,6 +25,7 @@ from beacon_core.claims import (
     find,
     freshest_contender,
     is_new_life,
+    keep_count,
     last_seen,
     other_host,
     repeats,
@@ -147,7 +148,8 @@ class HintStore:
                 verdict = self._heard_other(record, message, now_ns)
             if record is None or verdict not in _HELD or record.status is not _ACTIVE:
                 return verdict, None, 0
-            if record.rivals:
+            # Numbers of another incarnation, or of none, are not comparable.
+            if record.rivals or message.incarnation != record.incarnation:
                 return verdict, None, 0
             return verdict, record, record.revision
 
@@ -316,20 +318,17 @@ class HintStore:
         if sent_ns < record.last_seen_ns or (message.sequence and repeats(message, record)):
             return Verdict.OLDER
         if record.status is _ACTIVE and not record.rivals:
-            record.incarnation = message.incarnation or record.incarnation
-            record.sequence = message.sequence
+            keep_count(record, message)
             record.last_seen_ns = sent_ns
+            record.view = None
             if sent_ns + self.ttl_ns >= record.slot_end_ns:
                 self._due.schedule(record, sent_ns + self.ttl_ns)
             return self._merge(record, message)
         if record.cause is Cause.LOST and sent_ns < record.history[-1].at_ns:
             return Verdict.OLDER
         cause = self._cause_of_hearing(sent_ns, now_ns)
-        if cause is None:
-            return Verdict.OLDER
-        record.incarnation = message.incarnation or record.incarnation
-        record.sequence = message.sequence
-        record.last_seen_ns = message.last_seen_ns
+        keep_count(record, message)
+        record.last_seen_ns = sent_ns
         record.view = None
         if record.status is _STALE:
             if cause is Cause.HEARD:
@@ -415,7 +414,7 @@ class HintStore:
                 return self._rival_departs(record, speaker, verdict)
             if record.status is _LEFT or record.cause is cause or repeats(speaker, record):
                 return Verdict.OLDER
-            record.sequence = max(record.sequence, sequence)
+            keep_count(record, speaker)
             heir = freshest_contender(record.rivals)
             if heir is None:
                 self._set_rivals(record, ())
