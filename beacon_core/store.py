@@ -128,8 +128,9 @@ class HintStore:
         are for :meth:`refresh`; there is none unless the record now says all that the message says,
         and is ACTIVE and uncontested.
         """
-        now_ns = self.clock.monotonic_ns()
         with self.lock:
+            # Read here, so that whoever comes second is not earlier.
+            now_ns = self.clock.monotonic_ns()
             if now_ns >= self._next_due_ns:
                 self._settle(now_ns)
             if arrived or message.last_seen_ns > now_ns:
