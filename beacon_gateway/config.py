@@ -170,8 +170,8 @@ class EntitiesConfig:
 class Config:
     """Everything that can be configured."""
 
-    sources: Mapping[str, SourceConfig] = attrs.field(validator=_named)
     http: HttpConfig = HttpConfig()
+    sources: Mapping[str, SourceConfig] = attrs.field(validator=_named, kw_only=True)
     entities: EntitiesConfig = EntitiesConfig()
     allow_new_entities: bool = True
     vendor_name: str = "beacon"

@@ -110,8 +110,6 @@ def beacon_not_found(parameters: Mapping[str, object]) -> ApiError:
 
 def _id_fault(entity_id: str) -> str:
     """What is wrong with an id, in the words of ros2_medkit."""
-    if not entity_id:
-        return "Entity ID cannot be empty"
     if len(entity_id.encode(errors="replace")) > MAX_ID_CHARS:
         return f"Entity ID too long (max {MAX_ID_CHARS} characters)"
     # Bytes, as there: of a character that takes several the first one is shown.

@@ -23,16 +23,13 @@ from beacon_gateway.console.exits import Exit, Fault
 from beacon_gateway.console.flags import seconds
 from beacon_gateway.console.hints import Checked, checked_hint, read_hints, this_process
 from beacon_gateway.console.logs import set_up_logging
-from beacon_gateway.console.signals import on_stop_signal
+from beacon_gateway.console.signals import on_stop_signal, wait
 from beacon_gateway.problems import headed
 from beacon_gateway.structuring import Structurer
 
 __all__ = ["parser", "run"]
 
 _log = logging.getLogger(__name__)
-
-DEFAULT_CONNECT = "tcp/127.0.0.1:7447"
-"""Where 'beacon run' listens without a configuration."""
 
 _FIELDS: Mapping[str, str] = {
     "entity_id": "whom the hint is about: an app or a component",
@@ -67,7 +64,7 @@ def parser() -> argparse.ArgumentParser:
         "--connect",
         action="append",
         metavar="ENDPOINT",
-        help=f"zenoh: the gateway's router; may be repeated (default: {DEFAULT_CONNECT})",
+        help="zenoh: the gateway's router; may be repeated (default: tcp/127.0.0.1:7447)",
     )
     way.add_argument(
         "--option",
@@ -97,7 +94,7 @@ def run(arguments: argparse.Namespace) -> int:
             raise Fault(str(error)) from error
         with closing(announcer):
             _announce(announcer, checked, arguments)
-            stop.wait(arguments.duration)
+            wait(stop, arguments.duration)
     _log.info("said goodbye")
     return Exit.OK
 
@@ -135,9 +132,9 @@ def _hints(arguments: argparse.Namespace) -> list[BeaconHint]:
 
 
 def _options(adapter: Adapter, arguments: argparse.Namespace) -> Any:
-    given: dict[str, Any] = dict(arguments.option)
-    if arguments.connect or (adapter.name == "zenoh" and not given):
-        given = {"mode": "client", "connect": arguments.connect or [DEFAULT_CONNECT], **given}
+    given = dict(arguments.option)
+    if arguments.connect:
+        given["connect"] = arguments.connect
     try:
         return Structurer().structure(given, adapter.options)
     except ConfigError as error:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from pathlib import Path
 from typing import Any
 
+import attrs
 import cattrs
 import yaml
 
@@ -18,6 +20,8 @@ from beacon_gateway.console.terminal import printable, write_json
 from beacon_gateway.problems import DocumentError, Problem
 
 __all__ = ["parser", "run"]
+
+_NOT_SHOWN = "(given, not shown)"
 
 
 def parser() -> argparse.ArgumentParser:
@@ -64,8 +68,14 @@ def _plain_problem(problem: Problem) -> dict[str, str]:
 
 
 def _plain(config: Config) -> Any:
-    """As YAML would say it: texts, numbers, lists and mappings only."""
-    converter = cattrs.Converter()
-    converter.register_unstructure_hook(Path, str)
-    converter.register_unstructure_hook_func(lambda cls: cls is tuple, list)
-    return converter.unstructure(config)
+    """As JSON would say it: texts, numbers, lists and mappings only."""
+    plain = json.loads(json.dumps(cattrs.unstructure(config), default=str))
+    for name, source in config.sources.items():
+        plain["sources"][name]["options"] |= dict.fromkeys(_secrets(source.options), _NOT_SHOWN)
+    return plain
+
+
+def _secrets(options: Any) -> list[str]:
+    """What the adapter keeps out of its options' repr: passwords and the like, where given."""
+    fields = attrs.fields(type(options))
+    return [field.name for field in fields if not field.repr and getattr(options, field.name)]

@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
         _say(f"try: beacon watch --url {url}")
         _say(f"     curl {url}/api/v1/apps/{_ROBOTS[0]}_lidar/x-medkit-beacon")
         with (
-            Fleet(_ROBOTS, {"mode": "client", "connect": [endpoint]}) as fleet,
+            Fleet(_ROBOTS, {"connect": [endpoint]}) as fleet,
             GatewayClient(url) as client,
         ):
             _play(fleet, _Observer(client), stop, arguments)
@@ -109,9 +109,9 @@ class _Observer:
 def _state(item: Mapping[str, Any]) -> str:
     beacon = item["x-medkit"].get("beacon", {})
     state = str(beacon.get("status", "known"))
-    if beacon.get("reason"):
-        state += f" ({beacon['reason']})"
-    return state + (f", {beacon['restarts']} restarts" if beacon.get("restarts") else "")
+    if state == "stale":
+        return f"stale ({beacon.get('reason') or beacon['cause']})"
+    return f"{state}, restarts: {beacon['restarts']}" if beacon.get("restarts") else state
 
 
 def _config(endpoint: str, http_port: int) -> Config:

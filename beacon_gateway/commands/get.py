@@ -46,7 +46,8 @@ def _list(client: GatewayClient, *, as_json: bool) -> Exit:
     if as_json:
         write_json(items)
     else:
-        console().print(entity_table(items))
+        out = console()
+        out.print(entity_table(items, width=out.width))
     return Exit.OK
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from time import monotonic, sleep
 from typing import NoReturn
 
 from rich.console import Group
@@ -59,7 +59,7 @@ def _once(items: list[Item], *, as_json: bool) -> None:
         write_json(items, indent=None)
     else:
         out = console()
-        out.print(entity_table(items))
+        out.print(entity_table(items, width=out.width))
         out.print(summary(items))
 
 
@@ -68,13 +68,13 @@ def _follow(
 ) -> NoReturn:
     lost_at: float | None = None
     while True:
-        display(items, None if lost_at is None else time.monotonic() - lost_at)
-        time.sleep(interval_s)
+        display(items, None if lost_at is None else monotonic() - lost_at)
+        sleep(interval_s)
         try:
             items = by_attention(client.entities())
             lost_at = None
         except Unreachable:
-            lost_at = time.monotonic() if lost_at is None else lost_at
+            lost_at = monotonic() if lost_at is None else lost_at
 
 
 @contextmanager
@@ -83,11 +83,13 @@ def _display(url: str, *, as_json: bool) -> Iterator[Display]:
     if as_json:
         yield _json_lines
     elif not out.is_terminal:
-        yield lambda items, lost_s: out.print(_frame(url, items, lost_s, None))
+        yield lambda items, lost_s: out.print(_frame(url, items, lost_s, out.width, None))
     else:
         with Live(console=out, screen=True, auto_refresh=False) as live:
+            # The window may be resized while this runs.
             yield lambda items, lost_s: live.update(
-                _frame(url, items, lost_s, max(1, out.height - _FRAME_ROWS)), refresh=True
+                _frame(url, items, lost_s, out.width, max(1, out.height - _FRAME_ROWS)),
+                refresh=True,
             )
 
 
@@ -97,8 +99,11 @@ def _json_lines(items: list[Item], lost_s: float | None) -> None:
         write_json(items, indent=None)
 
 
-def _frame(url: str, items: list[Item], lost_s: float | None, rows: int | None) -> Group:
+def _frame(
+    url: str, items: list[Item], lost_s: float | None, width: int, rows: int | None
+) -> Group:
     state = Text(url, "bold")
     if lost_s is not None:
         state += Text(f"  does not answer for {duration(lost_s)}; trying again", "bold red")
-    return Group(state, summary(items), Text(), entity_table(items, rows), Text())
+    table = entity_table(items, width=width, rows=rows)
+    return Group(state, summary(items), Text(), table, Text())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import socket
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -48,7 +47,7 @@ def this_process() -> Mapping[str, str | int]:
     """What this process knows of itself: the fields that say who speaks."""
     return {
         "process_id": os.getpid(),
-        "process_name": Path(sys.argv[0]).name,
+        "process_name": "beacon",
         "hostname": socket.gethostname(),
     }
 

@@ -15,6 +15,11 @@ __all__ = ["by_attention", "entity_table", "summary"]
 
 Item = Mapping[str, Any]
 
+_HEADINGS = ("ENTITY", "STATUS", "AGE", "NAME", "COMPONENT", "PROCESS", "SOURCE", "NOTE")
+_NEVER_CUT = {"STATUS": len("conflict"), "AGE": len("59 min")}
+_GAP = 2
+"""Columns of the terminal between two columns of the table."""
+
 _ATTENTION = ("conflict", "stale", "left", "active", "-")
 
 
@@ -36,34 +41,53 @@ def summary(items: Iterable[Item]) -> Text:
     return Text(" · ").join(parts) if parts else Text("nothing heard yet", "dim")
 
 
-def entity_table(items: Iterable[Item], rows: int | None = None) -> Table:
-    """The items as given; beyond ``rows`` only their number."""
+def entity_table(items: Iterable[Item], *, width: int, rows: int | None = None) -> Table:
+    """The items as given, in ``width`` columns of the terminal; beyond ``rows`` their number."""
     listed = list(items)
+    lines = [_cells(item) for item in listed[:rows]]
     table = Table(box=None, pad_edge=False, header_style="bold")
-    for heading in ("ENTITY", "STATUS", "AGE", "NAME", "COMPONENT", "PROCESS", "SOURCE", "NOTE"):
-        table.add_column(heading, no_wrap=True, justify="right" if heading == "AGE" else "left")
-    shown = listed if rows is None else listed[:rows]
-    for item in shown:
-        table.add_row(*_cells(item))
-    if len(shown) < len(listed):
-        table.add_row(cell(f"… and {len(listed) - len(shown)} more", "dim"))
+    shown = _fitting(lines, width)
+    for heading in shown:
+        table.add_column(
+            heading,
+            no_wrap=True,
+            justify="right" if heading == "AGE" else "left",
+            min_width=_NEVER_CUT.get(heading),
+        )
+    for line in lines:
+        table.add_row(*(line[heading] for heading in shown))
+    if len(lines) < len(listed):
+        table.add_row(cell(f"… and {len(listed) - len(lines)} more", "dim"))
     return table
 
 
-def _cells(item: Item) -> list[Text]:
+def _fitting(lines: list[dict[str, Text]], width: int) -> list[str]:
+    """The headings there is room for: what can best be missed is left out first."""
+    needed = {
+        heading: _GAP + max([least, *(line[heading].cell_len for line in lines)])
+        for heading, least in ((one, _NEVER_CUT.get(one, len(one))) for one in _HEADINGS)
+    }
+    shown = list(_HEADINGS)
+    for dispensable in ("SOURCE", "NAME", "COMPONENT", "PROCESS"):
+        if sum(needed[heading] for heading in shown) > width + _GAP:
+            shown.remove(dispensable)
+    return shown
+
+
+def _cells(item: Item) -> dict[str, Text]:
     beacon = _beacon(item)
     state = _state(item)
     style = STATUS_STYLES.get(state, "")
-    return [
-        cell(item["id"], "bold"),
-        cell(state, style),
-        cell(duration(beacon["age_sec"]) if beacon else ""),
-        cell("" if item["name"] == item["id"] else item["name"]),
-        cell(item.get("x-medkit", {}).get("component_id", "")),
-        cell(_process(beacon)),
-        cell(beacon.get("source", "")),
-        cell(_note(beacon), style),
-    ]
+    return {
+        "ENTITY": cell(item["id"], "bold"),
+        "STATUS": cell(state, style),
+        "AGE": cell(duration(beacon["age_sec"]) if beacon else ""),
+        "NAME": cell("" if item["name"] == item["id"] else item["name"]),
+        "COMPONENT": cell(item.get("x-medkit", {}).get("component_id", "")),
+        "PROCESS": cell(_process(beacon)),
+        "SOURCE": cell(beacon.get("source", "")),
+        "NOTE": cell(_note(beacon), style),
+    }
 
 
 def _process(beacon: Mapping[str, Any]) -> str:
@@ -78,6 +102,8 @@ def _note(beacon: Mapping[str, Any]) -> str:
     notes: list[str] = []
     if beacon.get("conflict"):
         notes.append(f"two claim this id ({beacon['status']})")
+    if beacon.get("status") == "left":
+        notes.append("said goodbye")
     if beacon.get("status") == "stale":
         notes.append(beacon.get("reason") or beacon["cause"])
     restarts = beacon.get("restarts")

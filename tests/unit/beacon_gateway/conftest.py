@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
 from typing import Any
 
 import attrs
@@ -17,6 +19,7 @@ from beacon_core.hint import BeaconHint
 from beacon_gateway.config import parse_config
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.http import make_app
+from beacon_gateway.server import HttpServer
 
 
 @attrs.define
@@ -113,3 +116,19 @@ def make_plant() -> Iterator[PlantMaker]:
 def plant(make_plant: PlantMaker) -> Plant:
     """A gateway with one source, ``robots``, and nothing known beforehand."""
     return make_plant()
+
+
+@pytest.fixture
+def serve() -> Iterator[Callable[[Plant], str]]:
+    """Serves a plant over real HTTP; returns the address."""
+    with ExitStack() as stack:
+
+        def start(plant: Plant) -> str:
+            server = stack.enter_context(closing(HttpServer("127.0.0.1", 0)))
+            thread = threading.Thread(target=server.serve, args=(make_app(plant.gateway),))
+            thread.start()
+            stack.callback(thread.join, 10)
+            stack.callback(server.stop)
+            return server.url
+
+        yield start

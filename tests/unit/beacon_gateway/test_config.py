@@ -142,6 +142,8 @@ def test_every_problem_is_reported_at_once_with_its_path() -> None:
     policies = "stamp, arrival, auto; did you mean 'auto'?"
     assert problems(document) == [
         "$.htp: unknown key; did you mean 'http'?",
+        "$.http.prot: unknown key; did you mean 'port'?",
+        "$.http.port: found the number 70000; give a port, 0 to 65535 (0: any free one)",
         "$.sources.a.adapter: no adapter 'carrier-pigeon' is installed",
         "$.sources.b.options.mod: unknown key; did you mean 'mode'?",
         "$.sources.b.options.listen: found the text 'x'; give a list",
@@ -151,8 +153,6 @@ def test_every_problem_is_reported_at_once_with_its_path() -> None:
         "$.sources.d.adapter: missing; give the name of an installed adapter",
         "$.sources.e: found the text 'zenoh'; give keys with values",
         "$.sources.f.adapter: found the number 5; give the name of an installed adapter",
-        "$.http.prot: unknown key; did you mean 'port'?",
-        "$.http.port: found the number 70000; give a port, 0 to 65535 (0: any free one)",
         "$.entities.apps[0].id: missing; give an id",
         f"$.entities.apps[1].id: found 'a b'; {an_id}",
         f"$.entities.apps[2].component_id: found '!'; {an_id}",
