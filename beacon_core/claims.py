@@ -26,15 +26,16 @@ from beacon_core.hint import BeaconHint
 __all__ = [
     "Claimant",
     "Speaker",
+    "count_after",
     "find",
     "freshest_contender",
     "is_new_life",
-    "keep_count",
     "last_seen",
     "other_host",
     "repeats",
     "same_claimant",
     "succession",
+    "visible",
 ]
 
 
@@ -101,12 +102,13 @@ def repeats(message: Speaker, known: Speaker) -> bool:
     )
 
 
-def keep_count(known: Speaker, message: Speaker) -> None:
-    """Note the number of a message that was accepted, for :func:`repeats`."""
+def count_after(known: Speaker, message: Speaker) -> tuple[str, int]:
+    """The incarnation and the last number of it that are known after a message was accepted."""
     if message.incarnation == known.incarnation:
-        known.sequence = message.sequence or known.sequence
-    elif message.incarnation:
-        known.incarnation, known.sequence = message.incarnation, message.sequence
+        return known.incarnation, message.sequence or known.sequence
+    if message.incarnation:
+        return message.incarnation, message.sequence
+    return known.incarnation, known.sequence
 
 
 def is_new_life(message: Speaker, departed: Speaker) -> bool:
@@ -127,6 +129,11 @@ def find(rivals: Iterable[Claimant], speaker: Speaker) -> Claimant | None:
 def freshest_contender(rivals: Iterable[Claimant]) -> Claimant | None:
     """Who holds the id next, if the holder is gone."""
     return max((one for one in rivals if one.contending), key=last_seen, default=None)
+
+
+def visible(rivals: Iterable[Claimant]) -> list[tuple[BeaconHint, str, str]]:
+    """What can be seen of rivals, but for when they were heard: who contends, and its words."""
+    return [(one.hint, one.source, one.incarnation) for one in rivals if one.contending]
 
 
 def last_seen(one: Speaker) -> int:

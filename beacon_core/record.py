@@ -72,10 +72,6 @@ class Record:
         """Nothing has followed the first message of this life."""
         return self.last_seen_ns == self.first_seen_ns
 
-    @property
-    def contended(self) -> bool:
-        return any(rival.contending for rival in self.rivals)
-
     def remember(self, transition: Transition) -> None:
         """Put a transition into the history; the oldest gives way."""
         self.history = (*self.history, transition)[-MAX_HISTORY:]

@@ -22,15 +22,16 @@ from itertools import takewhile
 from beacon_core.checks import at_least_one, nanoseconds
 from beacon_core.claims import (
     Claimant,
+    count_after,
     find,
     freshest_contender,
     is_new_life,
-    keep_count,
     last_seen,
     other_host,
     repeats,
     same_claimant,
     succession,
+    visible,
 )
 from beacon_core.clock import Clock
 from beacon_core.deadlines import DeadlineQueue
@@ -319,18 +320,16 @@ class HintStore:
         if sent_ns < record.last_seen_ns or (message.sequence and repeats(message, record)):
             return Verdict.OLDER
         if record.status is _ACTIVE and not record.rivals:
-            keep_count(record, message)
+            self._count(record, message)
             record.last_seen_ns = sent_ns
-            record.view = None
             if sent_ns + self.ttl_ns >= record.slot_end_ns:
                 self._due.schedule(record, sent_ns + self.ttl_ns)
             return self._merge(record, message)
         if record.cause is Cause.LOST and sent_ns < record.history[-1].at_ns:
             return Verdict.OLDER
         cause = self._cause_of_hearing(sent_ns, now_ns)
-        keep_count(record, message)
+        self._count(record, message)
         record.last_seen_ns = sent_ns
-        record.view = None
         if record.status is _STALE:
             if cause is Cause.HEARD:
                 self._go(record, cause, now_ns)
@@ -370,14 +369,13 @@ class HintStore:
         return self._succeed(record, message, now_ns)
 
     def _contend(self, record: Record, rival: Claimant | None, message: Claimant) -> Verdict:
-        said_before = rival is not None and rival.contending and rival.hint == message.hint
+        if rival is not None:
+            message.incarnation, message.sequence = count_after(rival, message)
         message.contending = True
         others = [one for one in record.rivals if one is not rival]
         # The holder is a claimant too; the one that was heard longest ago gives way.
         others.sort(key=last_seen)
         self._set_rivals(record, (*others[-(MAX_CLAIMS - 2) :], message))
-        if not said_before:
-            self._changed(record)
         self._file(record)
         return Verdict.CONTENDED
 
@@ -415,7 +413,7 @@ class HintStore:
                 return self._rival_departs(record, speaker, verdict)
             if record.status is _LEFT or record.cause is cause or repeats(speaker, record):
                 return Verdict.OLDER
-            keep_count(record, speaker)
+            self._count(record, speaker)
             heir = freshest_contender(record.rivals)
             if heir is None:
                 self._set_rivals(record, ())
@@ -523,12 +521,18 @@ class HintStore:
         self._room.resize(record, size)
         self._changed(record)
 
+    def _count(self, record: Record, message: Claimant) -> None:
+        incarnation, record.sequence = count_after(record, message)
+        if incarnation != record.incarnation:
+            record.incarnation = incarnation
+            self._changed(record)
+
     def _set_rivals(self, record: Record, rivals: tuple[Claimant, ...]) -> None:
-        contended = record.contended
+        before, after = visible(record.rivals), visible(rivals)
         record.rivals = rivals
         record.view = None
-        if record.contended != contended:
-            self._conflicts += 1 if record.contended else -1
+        if after != before:
+            self._conflicts += bool(after) - bool(before)
             self._changed(record)
 
     def _changed(self, record: Record) -> None:
@@ -540,7 +544,7 @@ class HintStore:
     def _remove(self, record: Record, cause: Cause) -> None:
         transition(record.status, cause)
         self._room.leave(record)
-        self._conflicts -= record.contended
+        self._conflicts -= bool(visible(record.rivals))
         self._due.cancel(record)
         del self._records[record.entity_id]
         record.revision = 0
