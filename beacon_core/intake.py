@@ -44,8 +44,9 @@ _LOG_RATE = 1.0
 _LOG_BURST = 20.0
 """Log lines per second, and at once, that all sources together can cause."""
 
+_EVERYDAY = frozenset({Verdict.OLDER, Verdict.BURIED, Verdict.UNKNOWN})
+"""What any network does now and then: counted, and nobody needs to read of it."""
 _BAD_INPUT = frozenset({Verdict.TOO_LARGE, Verdict.MALFORMED, Verdict.INVALID})
-_DROPPED = {one: Outcome(one) for one in (Verdict.SOURCE_RATE, Verdict.GLOBAL_RATE)}
 
 
 class Intake:
@@ -81,6 +82,10 @@ class Intake:
         self._gate = FairGate(source_rate=source_rate, global_rate=global_rate)
         self._sources = Sources()
         self._memory = PayloadMemory(MAX_REMEMBERED_BYTES)
+        self._dropped = {
+            Verdict.SOURCE_RATE: _too_fast(Verdict.SOURCE_RATE, source_rate, "one source"),
+            Verdict.GLOBAL_RATE: _too_fast(Verdict.GLOBAL_RATE, global_rate, "all sources"),
+        }
         # Looked up once: these run for every message.
         self._admit = self._gate.admit
         self._find = self._sources.find
@@ -127,7 +132,7 @@ class Intake:
         if refreshed is not None:
             return refreshed
         if dropped is not None:
-            return self._finish(account, _DROPPED[dropped])
+            return self._finish(account, self._dropped[dropped])
         return self._read(payload, account, entity_id, sent_ns, incarnation, sequence)
 
     def goodbye(
@@ -139,7 +144,7 @@ class Intake:
             account = self._find(source) or self._sources.meet(source)
             dropped = self._admit(account, now_ns, account.settled)
         if dropped is not None:
-            return self._finish(account, _DROPPED[dropped])
+            return self._finish(account, self._dropped[dropped])
         verdict = self.store.goodbye(
             entity_id, source=account.name, incarnation=incarnation, sequence=sequence
         )
@@ -264,12 +269,20 @@ class Intake:
                 return outcome
             if verdict in _BAD_INPUT:
                 self._gate.charge(account, _BAD_INPUT_COST, self._now_ns())
-            worth_a_line = _is_power_of_ten(count) and self._log_lines.try_consume(self._now_ns())
+            worth_a_line = (
+                verdict not in _EVERYDAY
+                and _is_power_of_ten(count)
+                and self._log_lines.try_consume(self._now_ns())
+            )
         if worth_a_line:
             _log.warning(
-                "%s: %s (%d so far) %s", quoted(account.name), verdict, count, outcome.detail
+                "%s: %s (%d so far): %s", quoted(account.name), verdict, count, outcome.detail
             )
         return outcome
+
+
+def _too_fast(verdict: Verdict, rate: float, whose: str) -> Outcome:
+    return Outcome(verdict, detail=f"more than {rate:g} messages per second from {whose}")
 
 
 def _is_power_of_ten(count: int) -> bool:
