@@ -22,16 +22,19 @@ from typing import Protocol
 import attrs
 
 from beacon_core.hint import BeaconHint
+from beacon_core.limits import hint_bytes
 
 __all__ = [
     "Claimant",
     "Speaker",
+    "claimed_bytes",
     "count_after",
     "find",
     "freshest_contender",
     "is_new_life",
     "last_seen",
     "other_host",
+    "remembered",
     "repeats",
     "same_claimant",
     "succession",
@@ -134,6 +137,18 @@ def freshest_contender(rivals: Iterable[Claimant]) -> Claimant | None:
 def visible(rivals: Iterable[Claimant]) -> list[tuple[BeaconHint, str, str]]:
     """What can be seen of rivals, but for when they were heard: who contends, and its words."""
     return [(one.hint, one.source, one.incarnation) for one in rivals if one.contending]
+
+
+def claimed_bytes(rivals: Iterable[Claimant]) -> int:
+    """What the words of those who contend are accounted for."""
+    return sum(hint_bytes(one.hint) for one in rivals if one.contending)
+
+
+def remembered(one: Speaker) -> Claimant:
+    """A predecessor: who it was, without its other words, which nobody is shown."""
+    hint = one.hint
+    who = BeaconHint(hint.entity_id, process_id=hint.process_id, hostname=hint.hostname)
+    return Claimant(who, one.source, one.incarnation, one.sequence, one.last_seen_ns)
 
 
 def last_seen(one: Speaker) -> int:

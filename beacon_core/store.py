@@ -22,12 +22,14 @@ from itertools import takewhile
 from beacon_core.checks import at_least_one, nanoseconds
 from beacon_core.claims import (
     Claimant,
+    claimed_bytes,
     count_after,
     find,
     freshest_contender,
     is_new_life,
     last_seen,
     other_host,
+    remembered,
     repeats,
     same_claimant,
     succession,
@@ -343,6 +345,8 @@ class HintStore:
         if merged is record.hint:
             return Verdict.REFRESHED
         size = hint_bytes(merged, message.text_bytes if merged is message.hint else 0)
+        if record.rivals:
+            size += claimed_bytes(record.rivals)
         growth = size - record.size
         if growth > 0 and not self._make_room(count=0, size=growth, grower=record):
             return Verdict.STORE_FULL
@@ -375,7 +379,11 @@ class HintStore:
         others = [one for one in record.rivals if one is not rival]
         # The holder is a claimant too; the one that was heard longest ago gives way.
         others.sort(key=last_seen)
-        self._set_rivals(record, (*others[-(MAX_CLAIMS - 2) :], message))
+        rivals = (*others[-(MAX_CLAIMS - 2) :], message)
+        growth = claimed_bytes(rivals) - claimed_bytes(record.rivals)
+        if not self._make_room(count=0, size=growth, grower=record):
+            return Verdict.STORE_FULL
+        self._set_rivals(record, rivals)
         self._file(record)
         return Verdict.CONTENDED
 
@@ -384,18 +392,15 @@ class HintStore:
         cause = self._cause_of_hearing(message.last_seen_ns, now_ns)
         if cause is None:
             return Verdict.OLDER
-        size = hint_bytes(message.hint)
+        rivals: tuple[Claimant, ...] = ()
+        if record.status is _ACTIVE:
+            # There is none that the message could speak for: it would have been a contender's.
+            others = sorted(record.rivals, key=last_seen)
+            rivals = (*others[-(MAX_CLAIMS - 2) :], remembered(record))
+        size = hint_bytes(message.hint) + claimed_bytes(rivals)
         if not self._make_room(count=0, size=size - record.size, grower=record):
             return Verdict.STORE_FULL
-        predecessor = Claimant(
-            record.hint, record.source, record.incarnation, record.sequence, record.last_seen_ns
-        )
-        heard_lately = record.status is _ACTIVE
-        rivals = [one for one in record.rivals if not same_claimant(message, one)]
-        self._hand_over(record, message, cause, now_ns)
-        if heard_lately and record.status is _ACTIVE:
-            self._set_rivals(record, (*rivals[-(MAX_CLAIMS - 2) :], predecessor))
-            self._file(record)
+        self._hand_over(record, message, cause, now_ns, rivals)
         return Verdict.CHANGED
 
     def _depart(
@@ -494,27 +499,32 @@ class HintStore:
         if record.status is not _ACTIVE:
             self._offer_room(record)
 
-    def _hand_over(self, record: Record, heir: Claimant, cause: Cause, at_ns: int) -> None:
+    def _hand_over(
+        self,
+        record: Record,
+        heir: Claimant,
+        cause: Cause,
+        at_ns: int,
+        rivals: tuple[Claimant, ...],
+    ) -> None:
         """Begin another claimant's life under this id: nothing of the old one's words stays."""
         if not same_claimant(heir, record):
             record.restarts += 1
             self._restarts += 1
         detail = succession(record, heir)
         hint = self._pool.share(heir.hint)
-        self._set_rivals(record, ())
+        self._set_rivals(record, rivals)
         record.source, record.incarnation = heir.source, heir.incarnation
         record.sequence = heir.sequence
         record.last_seen_ns = record.first_seen_ns = heir.last_seen_ns
-        self._set_hint(record, hint, hint_bytes(hint))
+        self._set_hint(record, hint, hint_bytes(hint) + claimed_bytes(rivals))
         self._go(record, cause, at_ns, detail)
         self._file(record)
 
     def _inherit(self, record: Record, heir: Claimant, at_ns: int) -> None:
         """A contender holds the id from now on; the other contenders stay."""
         others = tuple(one for one in record.rivals if one is not heir)
-        self._hand_over(record, heir, Cause.HEARD, at_ns)
-        self._set_rivals(record, others)
-        self._file(record)
+        self._hand_over(record, heir, Cause.HEARD, at_ns, others)
 
     def _set_hint(self, record: Record, hint: BeaconHint, size: int) -> None:
         record.hint = hint
@@ -528,7 +538,11 @@ class HintStore:
             self._changed(record)
 
     def _set_rivals(self, record: Record, rivals: tuple[Claimant, ...]) -> None:
+        if not (rivals or record.rivals):
+            return
         before, after = visible(record.rivals), visible(rivals)
+        growth = claimed_bytes(rivals) - claimed_bytes(record.rivals)
+        self._room.resize(record, record.size + growth)
         record.rivals = rivals
         record.view = None
         if after != before:
