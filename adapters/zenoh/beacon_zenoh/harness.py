@@ -17,6 +17,8 @@ import zenoh
 from beacon_core.hint import BeaconHint
 from beacon_core.ports.adapter import Adapter, Malformed
 from beacon_core.ports.announcer import Announcer
+from beacon_core.ports.health import Condition
+from beacon_core.ports.source import HintSource
 from beacon_core.testing.harness import RealTimeHarness
 from beacon_core.wire import json as wire
 from beacon_zenoh import ADAPTER
@@ -24,7 +26,13 @@ from beacon_zenoh.config import session_config
 from beacon_zenoh.keys import Keys
 from beacon_zenoh.options import ZenohOptions
 
-__all__ = ["ProcessAnnouncer", "ZenohHarness", "free_endpoint", "open_router"]
+__all__ = [
+    "OwnRouterHarness",
+    "ProcessAnnouncer",
+    "ZenohHarness",
+    "free_endpoint",
+    "open_router",
+]
 
 
 class ZenohHarness(RealTimeHarness):
@@ -91,6 +99,32 @@ class ZenohHarness(RealTimeHarness):
         super().close()
         for session in (*self._strangers.values(), *(one for one, _ in self._routers.values())):
             session.close()  # type: ignore[no-untyped-call]
+
+
+class OwnRouterHarness(ZenohHarness):
+    """The default in place of a router: on each ``network`` the first source is the router.
+
+    The others are its clients and hear nothing without it. When it is closed, the next source that
+    is made takes its place, at the same endpoint.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._endpoints: dict[int, str] = {}
+        self._first: dict[int, HintSource] = {}
+
+    def options(self, network: int = 0) -> ZenohOptions:
+        endpoint = self._endpoints.setdefault(network, free_endpoint())
+        return ZenohOptions(mode="client", connect=(endpoint,))
+
+    def source(self, network: int = 0) -> HintSource:
+        first = self._first.get(network)
+        if first is not None and first.health().condition is not Condition.CLOSED:
+            return super().source(network)
+        source = self.adapter.source(ZenohOptions(listen=self.options(network).connect))
+        self._first[network] = source
+        self._made.append(source)
+        return source
 
 
 class ProcessAnnouncer:

@@ -31,8 +31,9 @@ _MS = 1_000_000
 GRACE_NS = 50 * _MS
 """Five times the longest flap that was measured; a twentieth of what "at once" allows."""
 
-SETTLE_NS = 50 * _MS
-"""An announcer's first hint follows its token within a few ms."""
+SETTLE_NS = 100 * _MS
+"""An announcer's first hint follows its token within a few ms; of one that speaks for a thousand,
+all hints follow within 100."""
 
 ASK_AGAIN_NS = (200 * _MS, 1000 * _MS)
 """Waits after the first question and the second. A question may come before the announcer's

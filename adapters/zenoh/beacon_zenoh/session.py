@@ -10,7 +10,8 @@ Three traps of the Zenoh binding are dealt with here, each measured with 1.10.2:
 * a process with a callback on an open session never exits. The callbacks' threads inherit being
   daemons from the thread that declares them, which is this one, so they do not hold the process;
 * but then they die while the interpreter is dismantled, which ends the process with SIGABRT (8 of
-  8 times under traffic). So what is still open at exit is closed then, by ``atexit``, before;
+  8 times under traffic). So at exit, by ``atexit``, what is still open is closed and the threads
+  are waited for;
 * a client's ``open`` fails when its router is not there, whatever Zenoh's options say.
 
 After a fork, a child has none of these threads. It must make its own source or announcer.
@@ -48,6 +49,9 @@ half a second of the router's return; should it ever not, this does."""
 
 _RETRY_S = (0.1, 0.15, 0.225, 0.34, 0.5)
 """Waits between attempts to open; the last one is repeated. As configured for Zenoh's own."""
+
+_CALLBACK_THREAD = "pyo3-closure"
+"""What the Zenoh binding calls them."""
 
 _FIRST_ATTEMPT_S = 0.9
 """How long ``start`` waits for it. A client needs 4 ms, with TLS too, and no longer to find that
@@ -271,3 +275,8 @@ def _close_all() -> None:
     """Close without farewell: to end without ``close`` is to vanish."""
     for keeper in [one for one in _open_keepers if not one.forked]:
         keeper.close(orderly=False)
+    # The callbacks' threads end a moment after their session: let that moment pass.
+    deadline = time.monotonic() + CLOSE_WITHIN_S
+    for thread in threading.enumerate():
+        if thread.daemon and _CALLBACK_THREAD in thread.name:
+            thread.join(max(0.0, deadline - time.monotonic()))

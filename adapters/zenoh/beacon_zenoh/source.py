@@ -31,7 +31,7 @@ _ANSWER_WITHIN_S = 2.0
 _BACK_WITHIN_NS = 1_000_000_000
 """On a new session the tokens of all who are there are reported again within ms."""
 
-_STEP_AT_LEAST_S = 0.01
+_STEP_AT_LEAST_S = 0.025
 """What becomes due meanwhile is done at one go: a thousand tokens make one question."""
 
 _PUT = zenoh.SampleKind.PUT
