@@ -159,7 +159,7 @@ class BoundsChecks(ContractBase):
         listener = Listener(harness).start()
         payload = harness.encode(hint("engine"))
         harness.send_raw("engine", payload + b" " * (MAX_PAYLOAD_BYTES + 1 - len(payload)))
-        harness.send_raw("engine", OVERSIZE_PAYLOAD)
+        harness.send_raw("another", OVERSIZE_PAYLOAD)
         self.eventually(
             harness, lambda: listener.count(Verdict.TOO_LARGE) == 2, "both payloads are refused"
         )

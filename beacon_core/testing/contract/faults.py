@@ -71,7 +71,7 @@ class FaultChecks(ContractBase):
     def test_what_its_own_wire_format_allows_at_its_worst_harms_nobody(
         self, harness: Harness
     ) -> None:
-        self.needs(harness, "raw_payloads")
+        self.needs(harness, "raw_payloads", "lossless")
         listener = Listener(harness).start()
         payloads = list(harness.hostile_payloads.values())
         for payload in payloads:
@@ -119,7 +119,7 @@ class FaultChecks(ContractBase):
         assert totals[Verdict.CHANGED] >= RATE - 1
 
     def test_in_a_flood_a_quiet_neighbour_is_heard(self, harness: Harness) -> None:
-        self.needs(harness, "raw_payloads", "tells_senders_apart")
+        self.needs(harness, "raw_payloads", "lossless", "tells_senders_apart")
         listener = Listener(harness, source_rate=RATE).start()
         quiet = harness.announcer()
         quiet.announce(hint("quiet", "0"))
@@ -136,7 +136,7 @@ class FaultChecks(ContractBase):
         assert Verdict.SOURCE_RATE not in reports[known(listener, "quiet").source].counts
 
     def test_a_flood_of_garbage_silences_only_its_sender(self, harness: Harness) -> None:
-        self.needs(harness, "raw_payloads", "tells_senders_apart")
+        self.needs(harness, "raw_payloads", "lossless", "tells_senders_apart")
         listener = Listener(harness, source_rate=RATE).start()
         for _ in range(FLOOD):
             harness.send_raw("noisy", b"\0garbage")
