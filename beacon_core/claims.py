@@ -30,6 +30,7 @@ __all__ = [
     "claimed_bytes",
     "count_after",
     "find",
+    "follows",
     "freshest_contender",
     "is_new_life",
     "last_seen",
@@ -112,6 +113,15 @@ def count_after(known: Speaker, message: Speaker) -> tuple[str, int]:
     if message.incarnation:
         return message.incarnation, message.sequence
     return known.incarnation, known.sequence
+
+
+def follows(message: Speaker, known: Speaker) -> bool:
+    """Do their numbers prove that the message was sent after what was heard of its incarnation?"""
+    return (
+        message.sequence > known.sequence > 0
+        and message.incarnation == known.incarnation
+        and message.incarnation != ""
+    )
 
 
 def is_new_life(message: Speaker, departed: Speaker) -> bool:

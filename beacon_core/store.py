@@ -1,7 +1,7 @@
 """The store: every entity's latest hint, its status, and what has changed.
 
-Each public operation first *settles*: whatever has become due since the last one (a ttl, an expiry,
-a tombstone) takes effect at its own time, in order. So status is a function of age in everything
+Each method first *settles*: whatever has become due since the last time (a ttl, an expiry, a
+tombstone) takes effect at its own time, in order. So status is a function of age in everything
 the store gives out, and there is no difference between a store that is swept often and one that is
 only read.
 
@@ -25,6 +25,7 @@ from beacon_core.claims import (
     claimed_bytes,
     count_after,
     find,
+    follows,
     freshest_contender,
     is_new_life,
     last_seen,
@@ -84,7 +85,7 @@ class HintStore:
         self.clock = clock
         self.ttl_ns = nanoseconds("ttl_s", ttl_s)
         expiry_ns = nanoseconds("expiry_s", expiry_s)
-        self.expiry_ns = expiry_ns if expiry_ns > self.ttl_ns else nanoseconds("", 10 * ttl_s)
+        self.expiry_ns = expiry_ns if expiry_ns > self.ttl_ns else int(10 * ttl_s * 1e9)
         self._room = Room(
             at_least_one("max_hints", max_hints), at_least_one("max_bytes", max_bytes)
         )
@@ -139,7 +140,7 @@ class HintStore:
             if arrived or message.last_seen_ns > now_ns:
                 message.last_seen_ns = now_ns
             record = self._records.get(message.hint.entity_id)
-            if record is not None and _follows(message, record):
+            if record is not None and follows(message, record):
                 # Readings of two clocks jitter, and a wall clock may be set back: numbers do not.
                 message.last_seen_ns = max(message.last_seen_ns, record.last_seen_ns)
             if record is None:
@@ -222,7 +223,9 @@ class HintStore:
 
     def last_seen_ns(self, entity_id: str) -> int | None:
         """When it was last heard, on the monotonic clock."""
+        now_ns = self.clock.monotonic_ns()
         with self.lock:
+            self._settle(now_ns)
             record = self._records.get(entity_id)
             return None if record is None else record.last_seen_ns
 
@@ -255,7 +258,10 @@ class HintStore:
             return Changes(self._revision, hints, gone, complete, too_old)
 
     def sweep(self) -> int:
-        """Settle what is due; returns how many records changed their status or ended."""
+        """Settle what is due; returns how many changes that made.
+
+        An entity that has gone STALE and ended since the last time counts twice.
+        """
         now_ns = self.clock.monotonic_ns()
         with self.lock:
             before = self._revision
@@ -272,7 +278,10 @@ class HintStore:
 
     @property
     def revision(self) -> int:
-        """Rises with every change, by one; a refresh is no change. 0 only before the first."""
+        """Rises with every change; a refresh is no change. 0 only before the first.
+
+        It is read as it is: what time has changed counts when it is settled.
+        """
         return self._revision
 
     def size(self) -> int:
@@ -356,6 +365,8 @@ class HintStore:
     def _heard_other(self, record: Record, message: Claimant, now_ns: int) -> Verdict:
         rival = find(record.rivals, message)
         known = record if rival is None else rival
+        if follows(message, known):
+            message.last_seen_ns = max(message.last_seen_ns, known.last_seen_ns)
         if message.last_seen_ns < known.last_seen_ns:
             return Verdict.OLDER
         if rival is not None and repeats(message, rival):
@@ -432,6 +443,8 @@ class HintStore:
         rival = find(record.rivals, speaker)
         if rival is None:
             return Verdict.UNKNOWN
+        if repeats(speaker, rival):
+            return Verdict.OLDER
         self._set_rivals(record, tuple(one for one in record.rivals if one is not rival))
         self._file(record)
         return verdict
@@ -584,12 +597,3 @@ class HintStore:
 
     def _offer_room(self, record: Record) -> None:
         self._room.offer(record, self._records.values())
-
-
-def _follows(message: Claimant, record: Record) -> bool:
-    """Do their numbers prove that the message was sent after what is known?"""
-    return (
-        message.sequence > record.sequence > 0
-        and message.incarnation == record.incarnation
-        and message.incarnation != ""
-    )
