@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 from beacon_core.lifecycle import Status
 from beacon_core.record import Record
@@ -58,12 +58,11 @@ class Room:
             size <= 0 or self.total_bytes + size <= self.max_bytes
         )
 
-    def offer(self, record: Record, everyone: Iterable[Record]) -> None:
+    def offer(self, record: Record, records: dict[str, Record]) -> None:
         """Enter a STALE or LEFT record among those that give way, as it is now."""
         heapq.heappush(self._idle, _entry(record))
         if len(self._idle) > 2 * (len(self) - self.count[Status.ACTIVE]) + _SLACK:
-            self._idle = [_entry(one) for one in everyone if one.status is not Status.ACTIVE]
-            heapq.heapify(self._idle)
+            self._idle = sorted({entry for entry in self._idle if _idle(entry, records)})
 
     def can_be_made(self, *, count: int, size: int, grower: Record | None = None) -> bool:
         """Would ``count`` more records with ``size`` more bytes fit if all idle ones gave way?
@@ -90,18 +89,24 @@ class Room:
         kept: list[Entry] = []
         while not self.fits(count=count, size=size):
             entry = heapq.heappop(self._idle)
-            record = records.get(entry[2])
-            if record is None or _entry(record) != entry or record.status is Status.ACTIVE:
-                continue
-            if record is grower:
+            record = _idle(entry, records)
+            if record is not None and record is grower:
                 kept.append(entry)
-            else:
+            elif record is not None:
                 displace(record)
         for entry in kept:
             heapq.heappush(self._idle, entry)
 
     def __len__(self) -> int:
         return sum(self.count.values())
+
+
+def _idle(entry: Entry, records: dict[str, Record]) -> Record | None:
+    """The record behind an entry, unless the entry is outdated."""
+    record = records.get(entry[2])
+    if record is None or record.status is Status.ACTIVE or _entry(record) != entry:
+        return None
+    return record
 
 
 def _entry(record: Record) -> Entry:

@@ -596,4 +596,4 @@ class HintStore:
         self._remove(record, Cause.DISPLACED)
 
     def _offer_room(self, record: Record) -> None:
-        self._room.offer(record, self._records.values())
+        self._room.offer(record, self._records)
