@@ -18,6 +18,7 @@ __all__ = [
     "MAX_LOG_CHARS",
     "MAX_PAYLOAD_BYTES",
     "MAX_POOLED",
+    "MAX_PROCESS_ID",
     "MAX_REMEMBERED_BYTES",
     "MAX_REMOVED",
     "MAX_REPAIRS",
@@ -48,6 +49,9 @@ class HintLimits:
 
 DEFAULT_LIMITS = HintLimits()
 """What applies unless something else is asked for."""
+
+MAX_PROCESS_ID = 2**32 - 1
+"""A process id is 32 bits on the wire; Linux itself stops at 2^22."""
 
 MAX_PAYLOAD_BYTES = 256 * 1024
 """A hint that fills every limit takes about 112,000 bytes; twice that leaves room for JSON's

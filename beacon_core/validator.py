@@ -13,14 +13,13 @@ from collections.abc import Iterable, Mapping, Sized
 import attrs
 
 from beacon_core.hint import BeaconHint
-from beacon_core.limits import DEFAULT_LIMITS, HintLimits
+from beacon_core.limits import DEFAULT_LIMITS, MAX_PROCESS_ID, HintLimits
 from beacon_core.repairs import Repairs, mended
 from beacon_core.text import quoted
 
 __all__ = ["Accepted", "Rejected", "clean_bytes", "is_valid_id", "validate"]
 
 _ID_BYTES = (string.ascii_letters + string.digits + "_-").encode()
-_MAX_PROCESS_ID = 2**32 - 1
 _FREE_STRINGS = 5
 
 
@@ -108,7 +107,7 @@ def clean_bytes(hint: BeaconHint, limits: HintLimits) -> int:
         and len(function_ids) <= limits.max_function_ids
         and len(depends_on) <= limits.max_depends_on
         and len(keys) <= limits.max_metadata_entries
-        and 0 <= hint.process_id <= _MAX_PROCESS_ID
+        and 0 <= hint.process_id <= MAX_PROCESS_ID
     )
     return len(id_bytes) + text_length if clean else 0
 
@@ -191,9 +190,9 @@ class _Mender:
         return entries[:cap]
 
     def _process_id(self, number: int) -> int:
-        if 0 <= number <= _MAX_PROCESS_ID:
+        if 0 <= number <= MAX_PROCESS_ID:
             return number
-        self._note(f"not in 0..{_MAX_PROCESS_ID}, cleared", "process_id")
+        self._note(f"not in 0..{MAX_PROCESS_ID}, cleared", "process_id")
         return 0
 
     def _free(self, text: str, field: str) -> str:

@@ -23,7 +23,8 @@ from struct import Struct
 
 from beacon_core.hint import NO_METADATA, Announcement, BeaconHint
 from beacon_core.ports.adapter import Malformed
-from beacon_core.wire.repairs import NS, Repairs, place, process_id_of, split_stamp, utf8
+from beacon_core.repairs import Repairs, place
+from beacon_core.wire.common import NS, process_id_of, split_stamp, utf8
 
 __all__ = ["MAX_STAMP_SEC", "decode", "encode"]
 
@@ -210,7 +211,7 @@ class _Reader:
         for index in range(self._count("metadata", _MIN_PAIR)):
             key, clean = self._text("metadata", index)
             if not clean:
-                self._repairs.add(place("metadata", key), "key not UTF-8, replaced")
+                self._repairs.note("key not UTF-8, replaced", "metadata", key)
             entries[key] = self._string("metadata", key)
         return entries or NO_METADATA
 
@@ -219,13 +220,13 @@ class _Reader:
         if sec <= MAX_STAMP_SEC and nanosec < NS:
             return sec * NS + nanosec
         signed = sec if sec <= MAX_STAMP_SEC else sec - 2**32
-        self._repairs.add("$.stamp", f"sec {signed}, nanosec {nanosec} is no time, cleared")
+        self._repairs.note(f"sec {signed}, nanosec {nanosec} is no time, cleared", "stamp")
         return 0
 
     def _string(self, field: str, part: int | str | None = None) -> str:
         text, clean = self._text(field, part)
         if not clean:
-            self._repairs.add(place(field, part), "not UTF-8, replaced")
+            self._repairs.note("not UTF-8, replaced", field, part)
         return text
 
     def _text(self, field: str, part: int | str | None) -> tuple[str, bool]:

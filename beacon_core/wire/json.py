@@ -20,17 +20,10 @@ from typing import Any, cast
 import attrs
 
 from beacon_core.hint import NO_METADATA, Announcement, BeaconHint
+from beacon_core.limits import MAX_PROCESS_ID
 from beacon_core.ports.adapter import Malformed
-from beacon_core.wire.repairs import (
-    MAX_PROCESS_ID,
-    NS,
-    Repairs,
-    mended,
-    place,
-    process_id_of,
-    split_stamp,
-    utf8,
-)
+from beacon_core.repairs import Repairs, mended
+from beacon_core.wire.common import NS, process_id_of, split_stamp, utf8
 
 __all__ = ["MAX_STAMP_SEC", "decode", "encode"]
 
@@ -258,7 +251,7 @@ class _Fields:
         for key, value in values.items():
             clean_key = mended(key)
             if clean_key != key:
-                self._repairs.add(place("metadata", clean_key), "key not UTF-8, replaced")
+                self._repairs.note("key not UTF-8, replaced", "metadata", clean_key)
             entry = self._entry(value, "metadata", clean_key)
             if entry is not None:
                 entries[clean_key] = entry
@@ -279,7 +272,7 @@ class _Fields:
         stamp_ns = 0 if stamp is None else _stamp_ns(stamp)
         if stamp_ns is None:
             wanted = f'{{"sec": 0..{MAX_STAMP_SEC}, "nanosec": 0..{NS - 1}}}'
-            self._repairs.add("$.stamp", f"expected {wanted}, cleared")
+            self._repairs.note(f"expected {wanted}, cleared", "stamp")
             return 0
         return stamp_ns
 
@@ -295,17 +288,17 @@ class _Fields:
             return self._mend(value, field, part)
         if value is not None:
             done = f"expected a string, found {_kind(value)}, dropped"
-            self._repairs.add(place(field, part), done)
+            self._repairs.note(done, field, part)
         return None
 
     def _mend(self, text: str, field: str, part: int | str | None = None) -> str:
         clean = mended(text)
         if clean != text:
-            self._repairs.add(place(field, part), "not UTF-8, replaced")
+            self._repairs.note("not UTF-8, replaced", field, part)
         return clean
 
     def _clear(self, field: str, wanted: str, value: Any) -> None:
-        self._repairs.add(place(field), f"expected {wanted}, found {_kind(value)}, cleared")
+        self._repairs.note(f"expected {wanted}, found {_kind(value)}, cleared", field)
 
 
 def _kind(value: Any) -> str:
