@@ -92,7 +92,7 @@ class FaultChecks(ContractBase):
         for payload in (*damaged, *HOSTILE_PAYLOADS.values(), *harness.hostile_payloads.values()):
             assert isinstance(harness.adapter.decode(payload), Announcement | Malformed)
 
-        @settings(max_examples=200, deadline=None, database=None, derandomize=True)
+        @settings(max_examples=100, deadline=None, database=None, derandomize=True)
         @given(hostile_payloads())
         def answers(payload: bytes) -> None:
             assert isinstance(harness.adapter.decode(payload), Announcement | Malformed)
