@@ -57,7 +57,8 @@ class ZenohAnnouncer:
     """Implements :class:`beacon_core.ports.announcer.Announcer`; the thread rule is the port's.
 
     No method waits for the network: what is to be said is handed to a thread, and said in order.
-    While there is no router, of each entity the last word is kept, and said when there is one.
+    While there is no router, of each entity the last hint is kept, and said when there is one; a
+    goodbye is not kept, because by then the hint is STALE everywhere.
 
     A process that ends without ``close`` vanishes: its hints become STALE, not LEFT. A child of a
     ``fork`` must make its own announcer: the parent's has no threads there, and says nothing.
@@ -79,7 +80,6 @@ class ZenohAnnouncer:
         self._questions: deque[tuple[str, zenoh.Query]] = deque()
         # The rest belongs to the keeper's thread.
         self._voices: dict[str, _Voice] = {}
-        self._leaving: dict[str, _Voice] = {}
         self._beats: list[tuple[int, str]] = []
         self._keeper = SessionKeeper(
             session_config(options, "client"),
@@ -141,35 +141,39 @@ class ZenohAnnouncer:
 
     def _leave(self, session: zenoh.Session) -> None:
         self._say_words(session)
-        self._leaving.update(self._voices)
-        self._voices.clear()
-        self._say_goodbyes(session)
+        self._say(session, [(entity_id, None) for entity_id in self._voices])
 
     def _declare(self, session: zenoh.Session) -> None:
         """On a new session nothing has been said yet."""
-        for voice in self._voices.values():
+        words: list[_Word] = []
+        for entity_id, voice in self._voices.items():
             voice.token = voice.queryable = None
-        self._say(
-            session, [(entity_id, voice.payload) for entity_id, voice in self._voices.items()]
-        )
+            words.append((entity_id, voice.payload))
+        self._say(session, words)
 
     def _say_words(self, session: zenoh.Session | None) -> None:
-        words = self._take_words()
+        words: list[_Word] = []
+        departed: list[_Voice] = []
         # First remembered, then said: should the session end meanwhile, the next one says it.
-        for entity_id, payload in words:
-            voice = self._voices.pop(entity_id, None) or self._leaving.pop(entity_id, None)
+        for entity_id, payload in self._take_words():
+            voice = self._voices.pop(entity_id, None)
             if payload is not None:
                 self._voices[entity_id] = voice = voice or _Voice()
                 voice.payload = payload
                 self._schedule(entity_id, voice)
             elif voice is not None:
-                self._leaving[entity_id] = voice
+                departed.append(voice)
+            else:
+                continue
+            words.append((entity_id, payload))
         if session is not None:
             self._say(session, words)
-            self._say_goodbyes(session)
+            for voice in departed:
+                _undeclare(voice)
 
     def _say(self, session: zenoh.Session, words: list[_Word]) -> None:
-        """In this order: each is quick alone, but takes long among a thousand of another kind."""
+        """Tokens first, then hints and goodbyes in their order, then queryables: each is quick
+        alone, but takes long among a thousand of another kind."""
         voices = {one: self._voices[one] for one, _ in words if one in self._voices}
         for entity_id, voice in voices.items():
             if voice.token is None:
@@ -178,7 +182,7 @@ class ZenohAnnouncer:
         for entity_id, payload in words:
             if payload is not None:
                 self._put(session, entity_id, payload)
-            elif entity_id in voices:  # and has come back since
+            else:
                 session.delete(self._keys.hint(entity_id), attachment=self._envelope())
         for entity_id, voice in voices.items():
             if voice.queryable is None:
@@ -192,17 +196,6 @@ class ZenohAnnouncer:
     def _put(self, session: zenoh.Session, entity_id: str, payload: bytes) -> None:
         key = self._keys.hint(entity_id)
         session.put(key, payload, encoding=_JSON, attachment=self._envelope())
-
-    def _say_goodbyes(self, session: zenoh.Session) -> None:
-        """Also those that were asked for while nobody could hear them."""
-        if self._keeper.config.mode == "client" and not self._keeper.connected:
-            return
-        while self._leaving:
-            entity_id, voice = self._leaving.popitem()
-            session.delete(self._keys.hint(entity_id), attachment=self._envelope())
-            if voice.queryable is not None and voice.token is not None:
-                voice.queryable.undeclare()  # type: ignore[no-untyped-call]
-                voice.token.undeclare()  # type: ignore[no-untyped-call]
 
     def _beat(self, session: zenoh.Session | None) -> float | None:
         now_ns = time.monotonic_ns()
@@ -247,3 +240,9 @@ class ZenohAnnouncer:
             return
         self._questions.append((entity_id, query))
         self._keeper.wake()
+
+
+def _undeclare(voice: _Voice) -> None:
+    for declared in (voice.queryable, voice.token):
+        if declared is not None:
+            declared.undeclare()  # type: ignore[no-untyped-call]

@@ -150,11 +150,14 @@ class ProcessAnnouncer:
 
         Returns the exit code.
         """
-        if number is not None and self.process.poll() is None:
-            self.process.send_signal(number)
-        if self.process.stdin is not None:
+        assert self.process.stdin is not None  # noqa: S101 - for the type checker
+        if number is None:
             self.process.stdin.close()
-        return self.process.wait(10)
+        else:
+            self.process.send_signal(number)
+        code = self.process.wait(10)
+        self.process.stdin.close()
+        return code
 
     def _tell(self, *words: str) -> None:
         assert self.process.stdin is not None  # noqa: S101 - for the type checker

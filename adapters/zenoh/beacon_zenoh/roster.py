@@ -61,21 +61,25 @@ class _Question:
     asked: int = 0
 
 
+_NO_QUESTION = _Question(-1)
+
+
 class Roster:
     """Thread rule: any method from any thread; none blocks or calls back."""
 
     def __init__(self) -> None:
         self.refused = 0
         """Tokens that were ignored because there were ``MAX_TOKENS`` already."""
-        self.unheard: dict[str, _Question] = {}
-        """Entities of which no hint was heard since their token came. To be looked at, without the
-        lock, before :meth:`heard` is called: that is what keeps it off the road of every message.
+        self.awaited: dict[str, _Question] = {}
+        """Entities whose next hint makes a difference here: it is the first since their token came,
+        or since their goodbye. For others :meth:`heard` need not be called, which keeps it off the
+        road of every message. To be looked at without the lock.
         """
         self._lock = threading.Lock()
         self._present: dict[Token, bool] = {}  # -> has said goodbye
         self._missing: dict[Token, int] = {}  # -> lost if not back by then
         # Tokens to be lost and entities to be asked for; one whose time has since been changed in
-        # _missing or unheard is void.
+        # _missing or awaited is void.
         self._timers: list[tuple[int, int, Token | str]] = []
         self._serial = 0
 
@@ -104,19 +108,23 @@ class Roster:
             for token in list(self._present):
                 self._vanished(token, until_ns)
 
-    def heard(self, entity_id: str) -> None:
-        """A hint came: nobody has to be asked."""
+    def heard(self, token: Token) -> None:
+        """A hint came: nobody has to be asked, and nobody has left."""
         with self._lock:
-            self.unheard.pop(entity_id, None)
+            self.awaited.pop(token.entity_id, None)
+            for one in _possible(token):
+                if one in self._present:
+                    self._present[one] = False
 
     def left(self, token: Token) -> None:
         """A goodbye came: the end of the token will be no loss."""
         with self._lock:
-            self.unheard.pop(token.entity_id, None)
-            for one in (token, Token(token.entity_id)):
+            self.awaited.pop(token.entity_id, None)
+            for one in _possible(token):
                 self._missing.pop(one, None)
                 if one in self._present:
                     self._present[one] = True
+                    self.awaited[token.entity_id] = _NO_QUESTION
 
     def next_due_ns(self) -> int | None:
         """When :meth:`due` may have something; ``None``: not before something happens."""
@@ -134,14 +142,16 @@ class Roster:
                     if self._missing.get(what) == due_ns:
                         del self._missing[what]
                         lost.append(what)
-                elif (question := self.unheard.get(what)) and question.due_ns == due_ns:
+                elif (question := self.awaited.get(what)) and question.due_ns == due_ns:
                     ask.append(what)
                     self._ask_again(what, question.asked, now_ns)
         return Due(tuple(lost), tuple(ask))
 
     def _vanished(self, token: Token, until_ns: int) -> None:
         said_goodbye = self._present.pop(token, None)
-        if said_goodbye is False:
+        if said_goodbye:
+            self.awaited.pop(token.entity_id, None)
+        elif said_goodbye is not None:
             self._missing[token] = until_ns
             self._at(until_ns, token)
 
@@ -149,12 +159,17 @@ class Roster:
         if asked < len(ASK_AGAIN_NS):
             self._ask_later(entity_id, _Question(now_ns + ASK_AGAIN_NS[asked], asked + 1))
         else:
-            del self.unheard[entity_id]
+            del self.awaited[entity_id]
 
     def _ask_later(self, entity_id: str, question: _Question) -> None:
-        self.unheard[entity_id] = question
+        self.awaited[entity_id] = question
         self._at(question.due_ns, entity_id)
 
     def _at(self, due_ns: int, what: Token | str) -> None:
         self._serial += 1
         heapq.heappush(self._timers, (due_ns, self._serial, what))
+
+
+def _possible(token: Token) -> tuple[Token, Token]:
+    """A sender that names its incarnation may have left it out of its token."""
+    return token, Token(token.entity_id)

@@ -57,6 +57,7 @@ class ZenohSource:
         self._keys = Keys(options.prefix)
         self._entity_of = self._keys.entity_of
         self._roster = Roster()
+        self._awaited = self._roster.awaited
         self._sink: HintSink | None = None
         self._closed = False
         # Held during each call of the sink: what makes "after close, no call" true.
@@ -149,8 +150,8 @@ class ZenohSource:
             # than the loss after which we asked.
             stamp_ns = 0
         if sample.kind == _PUT:
-            if self._roster.unheard:
-                self._roster.heard(entity_id)
+            if entity_id in self._awaited:
+                self._roster.heard(Token(entity_id, incarnation))
             payload = sample.payload.to_bytes()
             self._tell(
                 lambda sink: sink.offer(
