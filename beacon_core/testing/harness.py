@@ -28,7 +28,16 @@ from beacon_core.ports.source import HintSource
 from beacon_core.store import HintStore
 from beacon_core.testing.hostile import HOSTILE_JSON
 
-__all__ = ["Call", "Capabilities", "Harness", "Listener", "RealTimeHarness", "Tap", "within"]
+__all__ = [
+    "CLOSE_WITHIN_S",
+    "Call",
+    "Capabilities",
+    "Harness",
+    "Listener",
+    "RealTimeHarness",
+    "Tap",
+    "within",
+]
 
 CLOSE_WITHIN_S = 1.0
 """What the ports promise of ``close``."""

@@ -50,3 +50,4 @@ ADAPTER = Adapter(
     source=_source,
     announcer=_announcer,
 )
+"""Chosen in a configuration as ``fake``."""

@@ -11,6 +11,8 @@ __all__ = ["Kind", "Message", "Receiver", "Sender"]
 
 
 class Kind(enum.Enum):
+    """What a message is."""
+
     HINT = "hint"
     GOODBYE = "goodbye"
     LOST = "lost"

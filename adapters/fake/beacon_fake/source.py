@@ -15,8 +15,8 @@ __all__ = ["FakeSource"]
 
 _log = logging.getLogger(__name__)
 
-CLOSE_WITHIN_S = 1.0
-OVERDUE_NS = 1_000_000_000
+_CLOSE_WITHIN_S = 1.0
+_OVERDUE_NS = 1_000_000_000
 """A driver that wakes up once a second is slow; one that has not for longer is missing."""
 
 
@@ -48,7 +48,7 @@ class FakeSource:
     def close(self) -> None:
         with self._changed:
             self._closed = True
-            self._changed.wait_for(self._no_call_elsewhere, CLOSE_WITHIN_S)
+            self._changed.wait_for(self._no_call_elsewhere, _CLOSE_WITHIN_S)
         self._network.leave(self)
 
     def health(self) -> Health:
@@ -94,7 +94,7 @@ class FakeSource:
                 f"the sink raised {self._faults} times; the log has the first",
             )
         due_ns = self._network.next_due_ns()
-        if due_ns is not None and self._network.clock.monotonic_ns() - due_ns > OVERDUE_NS:
+        if due_ns is not None and self._network.clock.monotonic_ns() - due_ns > _OVERDUE_NS:
             return Condition.DEGRADED, "nobody drives the network: call its deliver_due() in a loop"
         return Condition.UP, ""
 

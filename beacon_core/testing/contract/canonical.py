@@ -20,7 +20,7 @@ from beacon_core.testing.harness import Listener
 
 __all__ = ["canonical", "expected"]
 
-REFUSALS = frozenset({Verdict.TOO_LARGE, Verdict.MALFORMED, Verdict.INVALID, Verdict.FAULT})
+_REFUSALS = frozenset({Verdict.TOO_LARGE, Verdict.MALFORMED, Verdict.INVALID, Verdict.FAULT})
 
 
 def canonical(listener: Listener) -> dict[str, Any]:
@@ -33,7 +33,7 @@ def canonical(listener: Listener) -> dict[str, Any]:
     }
     if repairs := sorted({repair for outcome in outcomes for repair in outcome.repairs}):
         result["repairs"] = repairs
-    if refused := sorted({outcome.verdict for outcome in outcomes} & REFUSALS):
+    if refused := sorted({outcome.verdict for outcome in outcomes} & _REFUSALS):
         result["refused"] = [str(verdict) for verdict in refused]
     return result
 

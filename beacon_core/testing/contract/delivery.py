@@ -17,7 +17,7 @@ from beacon_core.testing.strategies import hints
 
 __all__ = ["DeliveryChecks"]
 
-TEXTS = {
+_TEXTS = {
     "latin": "Prüfstand Ærø",
     "greek-and-cyrillic": "Κινητήρας Двигатель",
     "right-to-left": "\u202bמנוע المحرك\u202c",
@@ -56,9 +56,9 @@ class DeliveryChecks(ContractBase):
         assert known(listener, "engine").hint == BeaconHint("engine")
         self.conclude(harness, listener)
 
-    @pytest.mark.parametrize("script", TEXTS)
+    @pytest.mark.parametrize("script", _TEXTS)
     def test_text_of_any_script_arrives_intact(self, harness: Harness, script: str) -> None:
-        text = TEXTS[script]
+        text = _TEXTS[script]
         listener = Listener(harness).start()
         said = BeaconHint("engine", display_name=text, hostname=text, metadata={"note": text})
         harness.announcer().announce(said)

@@ -19,8 +19,8 @@ from beacon_core.testing.strategies import hostile_payloads
 
 __all__ = ["FaultChecks"]
 
-RATE = 50
-FLOOD = 500
+_RATE = 50
+_FLOOD = 500
 
 
 class FaultChecks(ContractBase):
@@ -105,30 +105,30 @@ class FaultChecks(ContractBase):
         self, harness: Harness
     ) -> None:
         self.needs(harness, "raw_payloads", "lossless")
-        listener = Listener(harness, source_rate=RATE).start()
-        for number in range(FLOOD):
+        listener = Listener(harness, source_rate=_RATE).start()
+        for number in range(_FLOOD):
             harness.send_raw("noisy", harness.encode(hint("noisy", f"{number}")))
         self.eventually(
-            harness, lambda: len(listener.tap.calls) >= FLOOD, f"{FLOOD} messages are heard"
+            harness, lambda: len(listener.tap.calls) >= _FLOOD, f"{_FLOOD} messages are heard"
         )
         totals = {verdict: count for verdict, count in listener.intake.totals().items() if count}
         assert set(totals) <= {Verdict.NEW, Verdict.CHANGED, Verdict.SOURCE_RATE}
-        assert sum(totals.values()) == len(listener.tap.calls) >= FLOOD
+        assert sum(totals.values()) == len(listener.tap.calls) >= _FLOOD
         assert totals[Verdict.NEW] == 1
         assert totals[Verdict.SOURCE_RATE] > 0
-        assert totals[Verdict.CHANGED] >= RATE - 1
+        assert totals[Verdict.CHANGED] >= _RATE - 1
 
     def test_in_a_flood_a_quiet_neighbour_is_heard(self, harness: Harness) -> None:
         self.needs(harness, "raw_payloads", "lossless", "tells_senders_apart")
-        listener = Listener(harness, source_rate=RATE).start()
+        listener = Listener(harness, source_rate=_RATE).start()
         quiet = harness.announcer()
         quiet.announce(hint("quiet", "0"))
         self.active(harness, listener, "quiet")
-        for number in range(FLOOD):
+        for number in range(_FLOOD):
             harness.send_raw("noisy", harness.encode(hint("noisy", f"{number}")))
             if number % 100 == 99:
                 quiet.announce(hint("quiet", f"{number}"))
-        self.named(harness, listener, "quiet", f"{FLOOD - 1}")
+        self.named(harness, listener, "quiet", f"{_FLOOD - 1}")
         self.eventually(
             harness, lambda: listener.count(Verdict.SOURCE_RATE) > 0, "the flood is held back"
         )
@@ -137,8 +137,8 @@ class FaultChecks(ContractBase):
 
     def test_a_flood_of_garbage_silences_only_its_sender(self, harness: Harness) -> None:
         self.needs(harness, "raw_payloads", "lossless", "tells_senders_apart")
-        listener = Listener(harness, source_rate=RATE).start()
-        for _ in range(FLOOD):
+        listener = Listener(harness, source_rate=_RATE).start()
+        for _ in range(_FLOOD):
             harness.send_raw("noisy", b"\0garbage")
         self.eventually(
             harness, lambda: listener.count(Verdict.SOURCE_RATE) > 0, "the flood is held back"

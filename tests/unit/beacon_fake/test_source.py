@@ -11,9 +11,8 @@ from beacon_core.clock import ManualClock
 from beacon_core.errors import ConfigError, UsageError
 from beacon_core.hint import BeaconHint
 from beacon_core.ports.health import Condition
-from beacon_core.testing.harness import Tap, within
+from beacon_core.testing.harness import CLOSE_WITHIN_S, Tap, within
 from beacon_fake import FakeAnnouncer, FakeNetwork, FakeSource, Kind, Message
-from beacon_fake.source import CLOSE_WITHIN_S
 
 SECOND_NS = 1_000_000_000
 
