@@ -11,7 +11,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def run(name: str) -> list[str]:
-    done = subprocess.run(  # noqa: S603 - our own script, by our own interpreter
+    done = subprocess.run(
         [sys.executable, "-W", "error", EXAMPLES / name],
         capture_output=True,
         check=True,

@@ -432,6 +432,20 @@ def test_a_mapper_left_far_behind_starts_again(house: House) -> None:
     assert house.map(KNOWN).new_apps == (App("b", "App B"),)
 
 
+def test_nothing_is_remembered_of_those_who_are_gone(house: House) -> None:
+    for n in range(100):
+        house.hear(BeaconHint("a", function_ids=(f"f{n}", "f")), BeaconHint(f"u{n}"))
+        house.map(KNOWN)
+        house.store.forget()
+    house.map(KNOWN)
+    held = house.mapper
+    assert not held._hints
+    assert not held._prepared
+    assert not held._members._hosts
+    assert not held._members._named
+    assert not held._members.changed
+
+
 def test_results_handed_out_earlier_do_not_change(house: House) -> None:
     house.hear(A, B)
     first = house.map(KNOWN)
