@@ -138,13 +138,12 @@ class Intake:
     def goodbye(
         self, entity_id: str, source: str, *, incarnation: str = "", sequence: int = 0
     ) -> Outcome:
-        """The announcer of ``entity_id`` said that it is leaving."""
-        now_ns = self._now_ns()
-        with self._lock:
-            account = self._find(source) or self._sources.meet(source)
-            dropped = self._admit(account, now_ns, account.settled)
-        if dropped is not None:
-            return self._finish(account, self._dropped[dropped])
+        """The announcer of ``entity_id`` said that it is leaving.
+
+        Not limited in rate: a goodbye ends a claim at most once, and an announcer that closes says
+        many at once.
+        """
+        account = self._account(source)
         verdict = self.store.goodbye(
             entity_id, source=account.name, incarnation=incarnation, sequence=sequence
         )
@@ -153,10 +152,11 @@ class Intake:
     def lost(
         self, entity_id: str, source: str, *, incarnation: str = "", reason: str = "connection lost"
     ) -> Outcome:
-        """The carrier saw the announcer of ``entity_id`` vanish. Not limited in rate: it is the
-        carrier that speaks."""
-        with self._lock:
-            account = self._find(source) or self._sources.meet(source)
+        """The carrier saw the announcer of ``entity_id`` vanish.
+
+        Not limited in rate: it is the carrier that speaks.
+        """
+        account = self._account(source)
         verdict = self.store.lost(
             entity_id, source=account.name, incarnation=incarnation, reason=reason
         )
@@ -171,6 +171,10 @@ class Intake:
         """One report for each source still told apart."""
         with self._lock:
             return self._sources.reports()
+
+    def _account(self, source: str) -> Source:
+        with self._lock:
+            return self._find(source) or self._sources.meet(source)
 
     def _read(
         self,

@@ -19,12 +19,18 @@ class Announcer(Protocol):
     def announce(self, hint: BeaconHint) -> None:
         """Say it now and, where the announcer has a period, again each period.
 
+        The repetitions of many entities are spread over the period: said all at once, the last of
+        them would be cut off by the receiver's rate limit each time.
+
         A later call with the same ``entity_id`` replaces the hint and is sent at once. Raises
         :class:`beacon_core.errors.UsageError` after ``close``.
         """
 
     def withdraw(self, entity_id: str) -> None:
-        """Say goodbye for this entity and stop repeating it. An unknown id is ignored."""
+        """Say goodbye for this entity and stop repeating it.
+
+        An unknown id is ignored, and so is a call after ``close``.
+        """
 
     def close(self) -> None:
         """Withdraw everything and release the carrier. Idempotent, within 1 s."""

@@ -23,7 +23,9 @@ class HintSource(Protocol):
     def start(self, sink: HintSink) -> None:
         """Begin to listen. Returns once listening, or once it keeps trying in the background.
 
-        Raises :class:`beacon_core.errors.UsageError` for a second start, and
+        A sink does not raise; one that does all the same must not end the source.
+
+        Raises :class:`beacon_core.errors.UsageError` for a second start or one after ``close``, and
         :class:`beacon_core.errors.ConfigError` for what no amount of trying can mend.
         """
 

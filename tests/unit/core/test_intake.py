@@ -253,10 +253,14 @@ def test_goodbye_and_loss_reach_the_store_and_are_counted(road: Road) -> None:
     assert sum(road.intake.totals().values()) == 7
 
 
-def test_goodbyes_are_limited_in_rate(make: Callable[..., Road]) -> None:
-    road = make(source_rate=1)
-    road.offer(entity_id="a")
-    assert road.intake.goodbye("a", "r1").verdict is Verdict.SOURCE_RATE
+def test_an_announcer_that_closes_may_say_all_its_goodbyes_at_once(
+    make: Callable[..., Road],
+) -> None:
+    road = make(source_rate=3)
+    for entity_id in "abc":
+        road.offer(entity_id=entity_id)
+    for entity_id in "abc":
+        assert road.intake.goodbye(entity_id, "r1").verdict is Verdict.LEFT
 
 
 def test_a_full_store_is_a_verdict(make: Callable[..., Road]) -> None:
