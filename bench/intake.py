@@ -16,7 +16,6 @@ import random
 from collections.abc import Callable
 
 import attrs
-from measure import Report, best_ns, options
 
 from beacon_core.clock import SystemClock
 from beacon_core.hint import BeaconHint
@@ -27,6 +26,7 @@ from beacon_core.store import HintStore
 from beacon_core.testing.examples import bench_hint
 from beacon_core.wire import cdr
 from beacon_core.wire import json as wire_json
+from measure import Report, best_ns, options
 
 MESSAGES = 2_000
 """Messages per round."""

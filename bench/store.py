@@ -13,13 +13,12 @@ import gc
 import time
 import tracemalloc
 
-from measure import Report, options
-
 from beacon_core.clock import ManualClock
 from beacon_core.intake import Intake
 from beacon_core.store import HintStore
 from beacon_core.testing.examples import bench_hint
 from beacon_core.wire import json as wire_json
+from measure import Report, options
 
 CPP_BYTES_PER_HINT = 1547.0
 S = 1_000_000_000

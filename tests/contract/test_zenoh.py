@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
-from beacon_zenoh.harness import OwnRouterHarness, ZenohHarness
 
 from beacon_core.testing.contract import AdapterContract
 from beacon_core.testing.contract.lifecycle import LifecycleChecks
 from beacon_core.testing.harness import Harness
+from beacon_zenoh.harness import OwnRouterHarness, ZenohHarness
 
 
 class TestZenoh(AdapterContract):

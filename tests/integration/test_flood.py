@@ -18,8 +18,6 @@ from pathlib import Path
 
 import attrs
 import pytest
-from beacon_zenoh.options import ZenohOptions
-from beacon_zenoh.source import ZenohSource
 
 from beacon_core.clock import ManualClock, SystemClock
 from beacon_core.intake import Intake
@@ -28,6 +26,8 @@ from beacon_core.outcome import Verdict
 from beacon_core.store import HintStore
 from beacon_core.testing.examples import bench_hint
 from beacon_core.wire import json as wire_json
+from beacon_zenoh.options import ZenohOptions
+from beacon_zenoh.source import ZenohSource
 
 QUIET = 100
 SECONDS = 20
