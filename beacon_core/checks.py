@@ -14,12 +14,16 @@ _MAX_SECONDS = 1_000_000_000
 
 
 def nanoseconds(key: str, seconds: float) -> int:
-    """Whole nanoseconds, rounded down as C++'s ``duration_cast`` does."""
+    """The smallest whole number of nanoseconds that is not less, as floating point sees it.
+
+    So an age in nanoseconds reaches it exactly when C++'s ``duration<double>`` reaches ``seconds``.
+    """
     if not 0 <= seconds <= _MAX_SECONDS:
         raise ConfigError(
             f"{key}: {seconds} is not possible; give a number of seconds from 0 to {_MAX_SECONDS}"
         )
-    return int(seconds * 1e9)
+    floor_ns = int(seconds * 1e9)
+    return floor_ns if floor_ns / 1e9 >= seconds else floor_ns + 1
 
 
 def at_least_one(key: str, value: int) -> int:

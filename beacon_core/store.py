@@ -84,8 +84,9 @@ class HintStore:
         """
         self.clock = clock
         self.ttl_ns = nanoseconds("ttl_s", ttl_s)
-        expiry_ns = nanoseconds("expiry_s", expiry_s)
-        self.expiry_ns = expiry_ns if expiry_ns > self.ttl_ns else int(10 * ttl_s * 1e9)
+        self.expiry_ns = nanoseconds("expiry_s", expiry_s)
+        if expiry_s <= ttl_s:
+            self.expiry_ns = nanoseconds("10 x ttl_s", 10 * ttl_s)
         self._room = Room(
             at_least_one("max_hints", max_hints), at_least_one("max_bytes", max_bytes)
         )

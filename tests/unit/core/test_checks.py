@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 
 import pytest
 
@@ -19,14 +20,25 @@ from beacon_core.errors import ConfigError
         (0.1, 100_000_000),
         (0.3, 300_000_000),
         (0.7, 700_000_000),
-        # Down, never to the nearest: as C++'s duration_cast.
-        (1.9e-9, 1),
-        (0.9e-9, 0),
+        (0.1 + 0.2, 300_000_001),
+        (3 * 0.3, 900_000_000),
+        (1.1e-9, 2),
+        (0.9e-9, 1),
         (1e9, 10**18),
     ],
 )
-def test_seconds_become_whole_nanoseconds_rounded_down(seconds: float, expected_ns: int) -> None:
+def test_seconds_become_whole_nanoseconds_that_are_not_less(
+    seconds: float, expected_ns: int
+) -> None:
     assert nanoseconds("ttl_s", seconds) == expected_ns
+
+
+def test_an_age_reaches_a_time_when_its_seconds_do() -> None:
+    draw = random.Random(1)  # noqa: S311 - the same in each run
+    for _ in range(10_000):
+        seconds = draw.choice([draw.random(), draw.random() * 600, draw.randrange(6000) / 10 / 3])
+        age_ns = nanoseconds("ttl_s", seconds)
+        assert age_ns / 1e9 >= seconds > (age_ns - 1) / 1e9
 
 
 @pytest.mark.parametrize(
