@@ -46,13 +46,13 @@ class Timed(Protocol):
         """Orders records that are due at the same moment, so that every run is alike."""
 
 
-T = TypeVar("T", bound=Timed)
+_T = TypeVar("_T", bound=Timed)
 
 
-class DeadlineQueue(Generic[T]):
+class DeadlineQueue(Generic[_T]):
     """Thread rule: none of its own; the owner holds a lock."""
 
-    def __init__(self, interval_ns: int, deadline_ns: Callable[[T], int]) -> None:
+    def __init__(self, interval_ns: int, deadline_ns: Callable[[_T], int]) -> None:
         """``interval_ns``: the shortest usual time from scheduling to deadline.
 
         ``deadline_ns`` tells an item's deadline at any time.
@@ -60,15 +60,15 @@ class DeadlineQueue(Generic[T]):
         self._deadline_ns = deadline_ns
         self._shift = max(0, (interval_ns // _SLOTS_PER_TTL).bit_length() - 1)
         # A deadline's slot is its nanoseconds, shifted right by this.
-        self._slots: dict[int, set[T]] = {}
+        self._slots: dict[int, set[_T]] = {}
         self._slot_order: list[int] = []
-        self._near: list[tuple[int, str, int, T]] = []
+        self._near: list[tuple[int, str, int, _T]] = []
         self._near_limit = _SLACK
         self._horizon = NEVER
         # Slots up to this one have been sorted into the heap.
         self._serial = 0
 
-    def schedule(self, item: T, deadline_ns: int) -> None:
+    def schedule(self, item: _T, deadline_ns: int) -> None:
         """File ``item`` under a new deadline, instead of the one it may have. O(1) if far away."""
         slot = deadline_ns >> self._shift
         if slot <= self._horizon:
@@ -79,12 +79,12 @@ class DeadlineQueue(Generic[T]):
             item.slot, item.slot_end_ns = slot, (slot + 1) << self._shift
             self._enter_slot(item)
 
-    def cancel(self, item: T) -> None:
+    def cancel(self, item: _T) -> None:
         """Take ``item`` out; nothing happens if it is not in."""
         self._leave_slot(item)
         item.slot = item.slot_end_ns = item.due_ns = NEVER
 
-    def pop_due(self, now_ns: int) -> tuple[int, T] | None:
+    def pop_due(self, now_ns: int) -> tuple[int, _T] | None:
         """Take out the earliest deadline at or before ``now_ns``, and its item, if there is one."""
         while self._slot_order and self._slot_order[0] <= now_ns >> self._shift:
             self._bring_near()
@@ -108,7 +108,7 @@ class DeadlineQueue(Generic[T]):
             heapq.heappop(self._slot_order)
         return self._slot_order[0] << self._shift if self._slot_order else None
 
-    def _enter_slot(self, item: T) -> None:
+    def _enter_slot(self, item: _T) -> None:
         members = self._slots.get(item.slot)
         if members is not None:
             members.add(item)
@@ -119,7 +119,7 @@ class DeadlineQueue(Generic[T]):
         else:
             heapq.heappush(self._slot_order, item.slot)
 
-    def _leave_slot(self, item: T) -> None:
+    def _leave_slot(self, item: _T) -> None:
         members = self._slots.get(item.slot)
         if members is not None:
             members.discard(item)
@@ -134,7 +134,7 @@ class DeadlineQueue(Generic[T]):
             item.slot = item.slot_end_ns = NEVER
             self._push(item, self._deadline_ns(item))
 
-    def _push(self, item: T, deadline_ns: int) -> None:
+    def _push(self, item: _T, deadline_ns: int) -> None:
         if len(self._near) >= self._near_limit:
             self._near = [entry for entry in self._near if _valid(entry)]
             heapq.heapify(self._near)

@@ -25,7 +25,7 @@ from beacon_core.store import HintStore
 from beacon_core.stored import Changes, StoredHint
 from beacon_core.text import quoted
 
-__all__ = ["IncrementalMapper", "Introspection", "map_hints"]
+__all__ = ["IncrementalMapper", "map_hints"]
 
 _log = logging.getLogger(__name__)
 

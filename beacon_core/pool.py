@@ -17,7 +17,7 @@ __all__ = ["Pool"]
 _LONGEST = 128
 """Characters, or entries of a list, beyond which nobody else is likely to say the same."""
 
-T = TypeVar("T", bound=Hashable)
+_T = TypeVar("_T", bound=Hashable)
 
 
 class Pool:
@@ -58,5 +58,5 @@ class Pool:
             return ids
         return self._held_once(tuple(map(self._one, ids)))
 
-    def _held_once(self, value: T) -> T:
+    def _held_once(self, value: _T) -> _T:
         return self._held.setdefault(value, value)  # type: ignore[return-value]

@@ -13,7 +13,7 @@ __all__ = ["Room"]
 _SLACK = 64
 """Outdated entries the heap may hold beyond twice the valid ones before it is rebuilt."""
 
-Entry = tuple[int, int, str]
+_Entry = tuple[int, int, str]
 
 
 class Room:
@@ -28,7 +28,7 @@ class Room:
         self.count = dict.fromkeys((Status.ACTIVE, Status.STALE, Status.LEFT), 0)
         self.total_bytes = 0
         self._active_bytes = 0
-        self._idle: list[Entry] = []
+        self._idle: list[_Entry] = []
 
     def enter(self, record: Record) -> None:
         """A record begins to count, under the status and the size it has now."""
@@ -86,7 +86,7 @@ class Room:
         grower: Record | None = None,
     ) -> None:
         """Displace idle records until it fits. Only after ``can_be_made`` said yes."""
-        kept: list[Entry] = []
+        kept: list[_Entry] = []
         while not self.fits(count=count, size=size):
             entry = heapq.heappop(self._idle)
             record = _idle(entry, records)
@@ -101,7 +101,7 @@ class Room:
         return sum(self.count.values())
 
 
-def _idle(entry: Entry, records: dict[str, Record]) -> Record | None:
+def _idle(entry: _Entry, records: dict[str, Record]) -> Record | None:
     """The record behind an entry, unless the entry is outdated."""
     record = records.get(entry[2])
     if record is None or record.status is Status.ACTIVE or _entry(record) != entry:
@@ -109,6 +109,6 @@ def _idle(entry: Entry, records: dict[str, Record]) -> Record | None:
     return record
 
 
-def _entry(record: Record) -> Entry:
+def _entry(record: Record) -> _Entry:
     rank = 0 if record.status is Status.LEFT else 1 if record.heard_once else 2
     return rank, record.last_seen_ns, record.entity_id

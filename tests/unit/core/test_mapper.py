@@ -15,9 +15,10 @@ from beacon_core import mapper
 from beacon_core.clock import ManualClock
 from beacon_core.entities import App, Component, Entities, Function
 from beacon_core.hint import BeaconHint
+from beacon_core.introspection import Introspection
 from beacon_core.lifecycle import Cause, Status
 from beacon_core.limits import MAX_REMOVED
-from beacon_core.mapper import IncrementalMapper, Introspection, map_hints
+from beacon_core.mapper import IncrementalMapper, map_hints
 from beacon_core.store import HintStore
 from beacon_core.stored import StoredHint
 from beacon_core.testing.examples import BENCH_HINT, bench_hint
