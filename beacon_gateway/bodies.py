@@ -149,7 +149,6 @@ def _source_health(listener: Listener) -> Body:
         "condition": health.condition.value,
         "counters": dict(health.counters),
         "messages": {verdict.value: n for verdict, n in listener.intake.totals().items()},
-        "senders": len(listener.intake.sources()),
         "hints": {
             "active": stats.active,
             "stale": stats.stale,

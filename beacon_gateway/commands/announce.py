@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import logging
+import math
 import threading
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -17,6 +19,7 @@ from beacon_core.errors import BeaconError, ConfigError
 from beacon_core.hint import BeaconHint
 from beacon_core.ports.adapter import Adapter
 from beacon_core.ports.announcer import Announcer
+from beacon_core.ports.health import Condition, Health
 from beacon_gateway.adapters import load_adapter
 from beacon_gateway.config import LogLevel
 from beacon_gateway.console.exits import Exit, Fault
@@ -30,6 +33,9 @@ from beacon_gateway.structuring import Structurer
 __all__ = ["parser", "run"]
 
 _log = logging.getLogger(__name__)
+
+_LOOK_S = 0.5
+"""How often the carrier's health is looked at."""
 
 _FIELDS: Mapping[str, str] = {
     "entity_id": "whom the hint is about: an app or a component",
@@ -94,8 +100,11 @@ def run(arguments: argparse.Namespace) -> int:
             raise Fault(str(error)) from error
         with closing(announcer):
             _announce(announcer, checked, arguments)
-            wait(stop, arguments.duration)
-    _log.info("said goodbye")
+            trouble = _attend(announcer, stop, arguments.duration)
+    if trouble:
+        _log.warning("ended without a goodbye: nobody was there to hear it")
+    else:
+        _log.info("said goodbye")
     return Exit.OK
 
 
@@ -104,13 +113,38 @@ def _announce(announcer: Announcer, checked: list[Checked], arguments: argparse.
         for repair in one.repairs:
             _log.warning("%s: %s", one.hint.entity_id, repair)
         announcer.announce(one.hint)
-    ids = ", ".join(one.hint.entity_id for one in checked)
     _log.info(
         "announcing %s over %s every %g s; Ctrl-C says goodbye",
-        ids,
+        ", ".join(one.hint.entity_id for one in checked),
         arguments.adapter,
         arguments.period,
     )
+
+
+def _attend(announcer: Announcer, stop: threading.Event, duration_s: float | None) -> str:
+    """Wait for the end, and tell when the carrier fails or works again.
+
+    Returns what ails the carrier in the end, "" if nothing does.
+    """
+    # An announcer need not know how it is doing; the port does not ask for it.
+    health: Callable[[], Health] | None = getattr(announcer, "health", None)
+    end_s = math.inf if duration_s is None else time.monotonic() + duration_s
+    trouble = ""
+    while True:
+        before, trouble = trouble, _trouble(health()) if health else ""
+        if trouble and not before:
+            _log.warning("%s", trouble)
+        elif before and not trouble:
+            _log.info("connected")
+        left_s = end_s - time.monotonic()
+        if left_s <= 0 or wait(stop, min(left_s, _LOOK_S)):
+            return trouble
+
+
+def _trouble(health: Health) -> str:
+    if health.condition is Condition.UP:
+        return ""
+    return health.detail or f"the carrier is {health.condition}"
 
 
 def _hints(arguments: argparse.Namespace) -> list[BeaconHint]:

@@ -71,7 +71,7 @@ class Shop:
 
 
 def start(processes: list[Process], *arguments: str | Path) -> Process:
-    process = subprocess.Popen(  # noqa: S603 - our own command
+    process = subprocess.Popen(
         [*BEACON, *map(str, arguments)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -83,7 +83,7 @@ def start(processes: list[Process], *arguments: str | Path) -> Process:
 
 
 def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(  # noqa: S603 - our own command
+    return subprocess.run(
         [*BEACON, *map(str, arguments)], capture_output=True, text=True, timeout=60, check=False
     )
 

@@ -12,10 +12,10 @@ from typing import Any
 import attrs
 import httpx
 import pytest
-from beacon_fake import FakeAnnouncer, FakeNetwork, share_network, unshare_network
 
 from beacon_core.clock import ManualClock
 from beacon_core.hint import BeaconHint
+from beacon_fake import FakeAnnouncer, FakeNetwork, share_network, unshare_network
 from beacon_gateway.config import parse_config
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.http import make_app

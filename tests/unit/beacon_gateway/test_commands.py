@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import logging
 import os
 import pty
 import signal
@@ -20,11 +21,13 @@ from typing import TYPE_CHECKING, Any
 import httpx
 import pytest
 import yaml
-from beacon_fake import FakeNetwork, FakeSource, share_network, unshare_network
 from rich.text import Text
 
 from beacon_core.clock import ManualClock
+from beacon_core.ports.health import Condition, Health
+from beacon_fake import FakeNetwork, FakeSource, share_network, unshare_network
 from beacon_gateway import cli
+from beacon_gateway.commands import announce as announce_command
 from beacon_gateway.config import parse_config
 from beacon_gateway.console import robot
 from beacon_gateway.console.client import GatewayClient
@@ -624,7 +627,7 @@ def test_announce_fills_in_who_speaks(air: tuple[str, FakeNetwork, Heard]) -> No
     hint = air[2].hints[0]
     assert hint["process_id"] == os.getpid()
     assert hint["hostname"] == socket.gethostname()
-    assert hint["process_name"]
+    assert hint["process_name"] == "beacon"
 
 
 def test_announce_takes_a_file_of_one_hint_or_several(
@@ -911,3 +914,48 @@ def test_a_robot_announces_until_its_input_ends(monkeypatch: pytest.MonkeyPatch)
         robot.main()
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def test_announce_tells_that_nobody_is_there_and_that_no_goodbye_was_heard(
+    capsys: Capture,
+) -> None:
+    way = ("--connect", f"tcp/127.0.0.1:{free_port()}", "--duration", "0.2")
+    assert beacon("announce", "--entity-id", "a", *way) == 0
+    said = capsys.readouterr().err
+    assert said.count("No connection to tcp/127.0.0.1") == 1
+    assert "ended without a goodbye: nobody was there to hear it" in said
+
+
+def test_announce_tells_when_its_gateway_has_come(capsys: Capture) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    options = {"mode": "router", "listen": [endpoint]}
+    document = {"sources": {"robots": {"adapter": "zenoh", "options": options}}}
+    gateway = Gateway(parse_config(document).config)
+
+    log = logging.getLogger(announce_command.__name__)
+    told: list[str] = []
+
+    class Listen(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            told.append(record.getMessage())
+
+    def come_late() -> None:
+        gateway.start()
+        eventually(lambda: "connected" in told)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    listen = Listen()
+    log.addHandler(listen)
+    thread = threading.Timer(0.6, come_late)
+    thread.start()
+    with closing(gateway):
+        assert beacon("announce", "--entity-id", "a", "--connect", endpoint) == 0
+        thread.join()
+    log.removeHandler(listen)
+    said = capsys.readouterr().err
+    assert said.index("No connection to") < said.index("connected") < said.index("said goodbye")
+
+
+def test_a_carrier_that_gives_no_reason_is_named_by_its_condition() -> None:
+    assert announce_command._trouble(Health(Condition.DOWN)) == "the carrier is down"
+    assert announce_command._trouble(Health(Condition.UP)) == ""

@@ -61,7 +61,6 @@ def test_health_has_the_keys_clients_require_and_ours_apart(plant: Plant) -> Non
     assert (source["name"], source["adapter"], source["condition"]) == ("robots", "fake", "up")
     assert source["messages"]["new"] == 1
     assert source["hints"]["active"] == 1
-    assert source["senders"] == 1
     assert "detail" not in source
 
 
