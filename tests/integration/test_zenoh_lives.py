@@ -12,14 +12,14 @@ import time
 from collections.abc import Callable, Iterator
 
 import pytest
-from beacon_zenoh import ADAPTER, ZenohOptions
-from beacon_zenoh.announcer import ZenohAnnouncer
-from beacon_zenoh.harness import OwnRouterHarness, ProcessAnnouncer, ZenohHarness, free_endpoint
 
 from beacon_core.hint import BeaconHint
 from beacon_core.lifecycle import Cause, Status
 from beacon_core.ports.health import Condition
 from beacon_core.testing.harness import Harness, Listener
+from beacon_zenoh import ADAPTER, ZenohOptions
+from beacon_zenoh.announcer import ZenohAnnouncer
+from beacon_zenoh.harness import OwnRouterHarness, ProcessAnnouncer, ZenohHarness, free_endpoint
 
 AN_HOUR_S = 3600.0
 """A period in which nothing is repeated: what is seen was asked for."""

@@ -13,11 +13,6 @@ from typing import Any
 import attrs
 import pytest
 import zenoh
-from beacon_zenoh import TlsOptions, ZenohOptions
-from beacon_zenoh.announcer import ZenohAnnouncer
-from beacon_zenoh.config import session_config
-from beacon_zenoh.harness import ProcessAnnouncer, free_endpoint
-from beacon_zenoh.source import ZenohSource
 
 from beacon_core.clock import SystemClock
 from beacon_core.hint import BeaconHint
@@ -28,6 +23,11 @@ from beacon_core.ports.health import Condition
 from beacon_core.store import HintStore
 from beacon_core.testing.harness import RealTimeHarness
 from beacon_core.wire import json
+from beacon_zenoh import TlsOptions, ZenohOptions
+from beacon_zenoh.announcer import ZenohAnnouncer
+from beacon_zenoh.config import session_config
+from beacon_zenoh.harness import ProcessAnnouncer, free_endpoint
+from beacon_zenoh.source import ZenohSource
 
 AN_HOUR_S = 3600.0
 

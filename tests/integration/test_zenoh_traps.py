@@ -10,11 +10,6 @@ from collections.abc import Callable, Iterator
 
 import pytest
 import zenoh
-from beacon_zenoh import ADAPTER, ZenohOptions
-from beacon_zenoh.config import session_config
-from beacon_zenoh.harness import OwnRouterHarness, ZenohHarness
-from beacon_zenoh.session import SessionKeeper
-from beacon_zenoh.source import ZenohSource
 
 from beacon_core.errors import ConfigError
 from beacon_core.hint import BeaconHint
@@ -24,6 +19,11 @@ from beacon_core.ports.health import Condition
 from beacon_core.testing.examples import bench_hint
 from beacon_core.testing.harness import Harness, Listener
 from beacon_core.wire import json
+from beacon_zenoh import ADAPTER, ZenohOptions
+from beacon_zenoh.config import session_config
+from beacon_zenoh.harness import OwnRouterHarness, ZenohHarness
+from beacon_zenoh.session import SessionKeeper
+from beacon_zenoh.source import ZenohSource
 
 GATEWAY = """
 import sys, threading

@@ -87,15 +87,15 @@ def session_config(options: ZenohOptions, default_mode: Mode) -> SessionConfig:
     document = _merged(document, _inline(options.config))
     document = _merged(document, _named(options))
     mode = document.setdefault("mode", default_mode)
-    _endpoints(document, mode)
+    document = _endpoints(document, mode)
     if mode != "peer":
         # Gossip is how peers get past a router, and past its access control.
         document = _merged({"scouting": {"gossip": {"enabled": False}}}, document)
     _check_files(document)
     return SessionConfig(
         mode=mode,
-        connect=_for_mode(document["connect"]["endpoints"], mode),
-        listen=_for_mode(document["listen"]["endpoints"], mode),
+        connect=tuple(document["connect"]["endpoints"]),
+        listen=tuple(document["listen"]["endpoints"]),
         document=document,
     )
 
@@ -138,15 +138,18 @@ def _tls(tls: TlsOptions) -> Document:
     return document
 
 
-def _endpoints(document: Document, mode: Mode) -> None:
-    """Fill in where to connect and listen: Zenoh's own defaults are all interfaces."""
-    connect = document["connect"].setdefault("endpoints", [])
-    listen = document.setdefault("listen", {}).setdefault("endpoints", [])
-    if mode == "client" and not _for_mode(connect, mode):
-        document["connect"]["endpoints"] = [DEFAULT_ENDPOINT]
-    elif mode != "client" and not _for_mode(listen, mode):
-        port_of_any = "tcp/127.0.0.1:0"
-        document["listen"]["endpoints"] = [DEFAULT_ENDPOINT if mode == "router" else port_of_any]
+def _endpoints(document: Document, mode: Mode) -> Document:
+    """The document with somewhere to connect or listen: Zenoh's own default is everywhere."""
+    connect = _for_mode(document.get("connect", {}).get("endpoints"), mode)
+    listen = _for_mode(document.get("listen", {}).get("endpoints"), mode)
+    if mode == "client" and not connect:
+        connect = (DEFAULT_ENDPOINT,)
+    elif mode == "router" and not listen:
+        listen = (DEFAULT_ENDPOINT,)
+    elif mode == "peer" and not listen:
+        listen = ("tcp/127.0.0.1:0",)
+    places = {"connect": connect, "listen": listen}
+    return _merged(document, {name: {"endpoints": list(at)} for name, at in places.items()})
 
 
 def _for_mode(endpoints: Any, mode: Mode) -> tuple[str, ...]:
@@ -176,13 +179,16 @@ def _file(path: str) -> Document:
         # Zenoh is the JSON5 parser at hand; as metadata it keeps a document as it is, where its
         # own Config would add all of Zenoh's defaults, and then ours could not be told from them.
         whole = zenoh.Config.from_json5(f"{{metadata:{text}\n}}")
-        document: Document = json.loads(whole.get_json("metadata"))
+        document = json.loads(whole.get_json("metadata"))
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"config_file: {path!r} cannot be read: {error}") from error
+        why = getattr(error, "strerror", None) or "it is not UTF-8"
+        raise ConfigError(f"config_file: {path!r} cannot be read: {why}") from error
     except zenoh.ZError as error:
         raise ConfigError(
             f"config_file: {path!r} is no Zenoh configuration in JSON5: {reason(error)}"
         ) from error
+    if not isinstance(document, dict):
+        raise ConfigError(f"config_file: {path!r} holds no object; write {{...}}")
     return document
 
 

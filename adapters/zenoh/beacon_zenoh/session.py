@@ -26,6 +26,7 @@ import threading
 import time
 import weakref
 from collections.abc import Callable, Mapping
+from functools import partial
 
 import zenoh
 
@@ -47,8 +48,8 @@ STALLED_AFTER_S = 10.0
 """A client that has no router for so long gets a new session. Zenoh reconnects by itself within
 half a second of the router's return; should it ever not, this does."""
 
-_RETRY_S = (0.1, 0.15, 0.225, 0.34, 0.5)
-"""Waits between attempts to open; the last one is repeated. As configured for Zenoh's own."""
+_RETRY_FIRST_S, _RETRY_FACTOR, _RETRY_LAST_S = 0.1, 1.5, 0.5
+"""Waits between attempts to open: as configured for Zenoh's own."""
 
 _CALLBACK_THREAD = "pyo3-closure"
 """What the Zenoh binding calls them."""
@@ -92,7 +93,8 @@ class SessionKeeper:
         self._links: set[str] = set()
         self._was_up = False
         self._linked_at = time.monotonic()
-        self._failures = 0
+        self._retry_s = _RETRY_FIRST_S
+        self._retry_at = 0.0
         self._error = ""
 
     def start(self) -> None:
@@ -169,43 +171,47 @@ class SessionKeeper:
         return advice
 
     def _run(self) -> None:
-        retry_at = 0.0
         while not self._closing:
-            if self._session is None and time.monotonic() >= retry_at:
+            if self._session is None and time.monotonic() >= self._retry_at:
                 self._open()
-                retry_at = time.monotonic() + _RETRY_S[min(self._failures, len(_RETRY_S) - 1)]
             pause = self._guarded_step()
-            limit = WATCH_EVERY_S
-            if self._session is None:
-                limit = max(0.0, retry_at - time.monotonic())
-            self._woken.wait(limit if pause is None else min(pause, limit))
+            self._woken.wait(self._limited(pause))
             self._woken.clear()
             self._watch()
         self._end()
 
+    def _limited(self, pause: float | None) -> float:
+        limit = WATCH_EVERY_S
+        if self._session is None:
+            limit = max(0.0, self._retry_at - time.monotonic())
+        return limit if pause is None else min(pause, limit)
+
     def _open(self) -> None:
         try:
             session = zenoh.open(self.config.make())
-        except zenoh.ZError as error:
-            self._failures += 1
-            self._error = reason(error)
-            _log.debug("cannot open a session: %s", self._error)
-        else:
-            self._failures = 0
+            self._links = set()
             self._linked_at = time.monotonic()
-            self._prepare(session)
-        self._first_attempt.set()
-
-    def _prepare(self, session: zenoh.Session) -> None:
-        try:
-            session.info.declare_transport_events_listener(self._on_transport, history=True)
-            self._declare(session)
-        except zenoh.ZError as error:  # it was closed under our hands
-            self._failures += 1
+            self._prepare(session, self._links)
+        except zenoh.ZError as error:
             self._error = reason(error)
-            _close(session)
+            _log.debug("no session: %s", self._error)
+            self._retry_at = time.monotonic() + self._retry_s
+            self._retry_s = min(self._retry_s * _RETRY_FACTOR, _RETRY_LAST_S)
         else:
             self._session = session
+            self._retry_s = _RETRY_FIRST_S
+        finally:
+            self._first_attempt.set()
+
+    def _prepare(self, session: zenoh.Session, links: set[str]) -> None:
+        try:
+            # The set is the session's own: what an old one still reports is not taken for news.
+            listener = partial(self._on_transport, links)
+            session.info.declare_transport_events_listener(listener, history=True)
+            self._declare(session)
+        except zenoh.ZError:
+            _close(session)
+            raise
 
     def _guarded_step(self) -> float | None:
         try:
@@ -213,7 +219,10 @@ class SessionKeeper:
         except zenoh.ZError as error:
             # The session was closed in the middle; _watch replaces it.
             _log.debug("a session ended in use: %s", reason(error))
-            return None
+        except Exception:  # noqa: BLE001
+            # A defect, to be reported; but the thread must go on, for nobody else can close.
+            _log.exception("a step failed")
+        return None
 
     def _watch(self) -> None:
         """Drop a session that is dead, so that a new one is opened."""
@@ -229,6 +238,7 @@ class SessionKeeper:
         self.reopened += 1
         self._session = None
         self._links = set()
+        self._retry_at = 0.0
         _close(session)
 
     def _stalled(self) -> bool:
@@ -236,14 +246,14 @@ class SessionKeeper:
             self._linked_at = time.monotonic()
         return time.monotonic() - self._linked_at > STALLED_AFTER_S
 
-    def _on_transport(self, event: zenoh.TransportEvent) -> None:
+    def _on_transport(self, links: set[str], event: zenoh.TransportEvent) -> None:
         """In a callback thread of its own."""
         zid = str(event.transport.zid)
         if event.kind == zenoh.SampleKind.PUT:
-            self._links.add(zid)
+            links.add(zid)
             self._was_up = True
         else:
-            self._links.discard(zid)
+            links.discard(zid)
         self._woken.set()
 
     def _end(self) -> None:
