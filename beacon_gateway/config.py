@@ -171,7 +171,11 @@ class Config:
     """Everything that can be configured."""
 
     http: HttpConfig = HttpConfig()
-    sources: Mapping[str, SourceConfig] = attrs.field(validator=_named, kw_only=True)
+    sources: Mapping[str, SourceConfig] = attrs.field(
+        validator=_named,
+        kw_only=True,
+        metadata={"right": "sources by name, such as {robots: {adapter: zenoh}}"},
+    )
     entities: EntitiesConfig = EntitiesConfig()
     allow_new_entities: bool = True
     vendor_name: str = "beacon"

@@ -74,7 +74,8 @@ def _missing(entity_id: str, answer: Answer) -> Fault:
     if answer.code == "entity-not-found":
         return Fault(f"no entity {shown}; 'beacon get' lists those there are", Exit.NOT_FOUND)
     message = printable(str(answer.body.get("message", "")))
-    return Fault(f"{shown}: {message or f'HTTP {answer.status}'}", Exit.USAGE)
+    code = Exit.FAILED if answer.status >= 500 else Exit.USAGE
+    return Fault(f"{shown}: {message or f'HTTP {answer.status}'}", code)
 
 
 def _fields(body: Mapping[str, Any]) -> Table:

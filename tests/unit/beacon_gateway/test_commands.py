@@ -266,7 +266,16 @@ class Stranger:
                 connection.sendall(self._answer)
 
     def close(self) -> None:
+        self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
+
+
+def test_a_defect_of_the_gateway_is_a_failure(capsys: Capture) -> None:
+    body = b'{"message":"went \\u001boff"}'
+    answer = b"HTTP/1.1 500 Oh\r\nContent-Length: %d\r\n\r\n%s" % (len(body), body)
+    with closing(Stranger(answer)) as stranger:
+        assert beacon("get", "a", "--url", stranger.url) == 1
+    assert capsys.readouterr().err == "beacon: a: went \\x1boff\n"
 
 
 @pytest.mark.parametrize(
@@ -813,30 +822,38 @@ def test_watch_redraws_a_terminal_and_leaves_it_as_it_was(
 # demo
 
 
-def test_demo_tells_what_happens_and_what_the_gateway_makes_of_it(capsys: Capture) -> None:
-    assert beacon("demo", "--duration", "5", "--port", "0", "--seed", "6") == 0
-    captured = capsys.readouterr()
-    lines = [line.split(" ", 1)[1] for line in captured.out.splitlines()]
-    assert lines[0].startswith("gateway: http://127.0.0.1:")
-    for name in ("picker_1", "picker_2", "hauler_1"):
-        assert f"{name} starts" in lines
-        parts = ", ".join(f"{name}_{part}" for part in ("arm", "base", "lidar", "planner"))
-        assert any(line.startswith("    gateway: active: ") and parts in line for line in lines)
-    assert lines[-1] == "the demo ends; everybody says goodbye"
-    assert captured.err == ""
+PARTS = ("arm", "base", "lidar", "planner")
 
 
-def test_demo_ends_on_ctrl_c(capsys: Capture) -> None:
-    def stop() -> None:
-        eventually(lambda: threading.active_count() > threads + 1)
+def test_demo_tells_what_happens_and_what_the_gateway_makes_of_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    names = ("picker_1", "picker_2", "hauler_1")
+    told = io.StringIO()
+    monkeypatch.setattr(sys, "stdout", told)
+
+    def all_active() -> bool:
+        parts = [f"{name}_{part}" for name in names for part in PARTS]
+        active = [line for line in told.getvalue().splitlines() if "gateway: active: " in line]
+        return all(any(part in line for line in active) for part in parts)
+
+    def stop_when_all_are_active() -> None:
+        eventually(all_active, within_s=60)
         os.kill(os.getpid(), signal.SIGINT)
 
-    threads = threading.active_count()
-    thread = threading.Thread(target=stop)
+    thread = threading.Thread(target=stop_when_all_are_active)
     thread.start()
     assert beacon("demo", "--port", "0") == 0
     thread.join()
-    assert "the demo ends" in capsys.readouterr().out
+    lines = [line.split(" ", 1)[1] for line in told.getvalue().splitlines()]
+    assert lines[0].startswith("gateway: http://127.0.0.1:")
+    assert {f"{name} starts" for name in names} < set(lines)
+    assert lines[-1] == "the demo ends; everybody says goodbye"
+
+
+def test_demo_ends_by_itself_after_its_duration(capsys: Capture) -> None:
+    assert beacon("demo", "--port", "0", "--duration", "0.7") == 0
+    assert "picker_1 starts" in capsys.readouterr().out
 
 
 def test_the_demo_needs_its_port(capsys: Capture) -> None:

@@ -207,6 +207,12 @@ def test_a_source_needs_a_name_that_can_stand_in_answers() -> None:
     assert problem.startswith("$.sources: found a source named 'my robots'; give a name of")
 
 
+def test_a_list_of_sources_is_told_that_they_go_by_name() -> None:
+    assert problems({"sources": [{"adapter": "radio"}]}) == [
+        "$.sources: found a list of 1; give sources by name, such as {robots: {adapter: zenoh}}"
+    ]
+
+
 def test_an_id_given_twice_is_refused() -> None:
     assert problems({"entities": {"apps": [{"id": "a"}, {"id": "b"}, {"id": "a"}]}}) == [
         "$.entities.apps: given more than once: a; give each id once"
