@@ -11,7 +11,9 @@ silent, a rival speaks again. Hence:
   within a ``ttl`` without having been stale;
 * a rival's words are kept beside the holder's, never mixed into them;
 * a conflict ends when one of the two has been silent for ``ttl``, has left or was lost. If that is
-  the holder, the rival holds the id from then on.
+  the holder, the rival holds the id from then on;
+* whoever said goodbye is remembered for one ``ttl``, so that what it said before, arriving late,
+  does not take the id from whoever holds it now.
 """
 
 from __future__ import annotations
@@ -39,6 +41,7 @@ __all__ = [
     "repeats",
     "same_claimant",
     "succession",
+    "tombstone",
     "visible",
 ]
 
@@ -66,6 +69,8 @@ class Claimant:
     """Bytes of text in its hint, if they have been counted; see ``validator.clean_bytes``."""
     contending: bool = False
     """Heard while another held the id; otherwise a predecessor that has been silent since."""
+    departed: bool = False
+    """It said goodbye, and another holds the id: kept for a ``ttl`` as a tombstone."""
 
 
 def same_claimant(one: Speaker, other: Speaker) -> bool:
@@ -78,12 +83,14 @@ def same_claimant(one: Speaker, other: Speaker) -> bool:
         return True
     if one.incarnation and other.incarnation:
         return one.incarnation == other.incarnation
-    if other_host(one, other):
+    said, known = one.hint, other.hint
+    hosts_given = said.hostname and known.hostname
+    if hosts_given and said.hostname != known.hostname:
         return False
-    if one.hint.process_id and other.hint.process_id:
-        if one.hint.process_id != other.hint.process_id:
+    if said.process_id and known.process_id:
+        if said.process_id != known.process_id:
             return False
-        if one.hint.hostname and other.hint.hostname:
+        if hosts_given:
             return True
     return one.source == other.source
 
@@ -159,6 +166,14 @@ def remembered(one: Speaker) -> Claimant:
     hint = one.hint
     who = BeaconHint(hint.entity_id, process_id=hint.process_id, hostname=hint.hostname)
     return Claimant(who, one.source, one.incarnation, one.sequence, one.last_seen_ns)
+
+
+def tombstone(one: Speaker, goodbye: Speaker) -> Claimant:
+    """Who said this goodbye, and when."""
+    gone = remembered(one)
+    gone.incarnation, gone.sequence = count_after(one, goodbye)
+    gone.last_seen_ns, gone.departed = goodbye.last_seen_ns, True
+    return gone
 
 
 def last_seen(one: Speaker) -> int:

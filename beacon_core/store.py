@@ -34,6 +34,7 @@ from beacon_core.claims import (
     repeats,
     same_claimant,
     succession,
+    tombstone,
     visible,
 )
 from beacon_core.clock import Clock
@@ -122,7 +123,8 @@ class HintStore:
         Given fields overwrite, fields not given stay; lists and metadata are replaced whole.
         """
         message = Claimant(hint, source, incarnation, sequence, received_at_ns or 0)
-        return self.take(message, arrived=received_at_ns is None)[0]
+        with self.lock:
+            return self.take(message, arrived=received_at_ns is None)[0]
 
     def take(
         self, message: Claimant, *, arrived: bool = False
@@ -132,32 +134,33 @@ class HintStore:
         ``arrived``: it was sent just now, whatever its ``last_seen_ns``. The record and its version
         are for :meth:`refresh`; there is none unless the record now says all that the message says,
         and is ACTIVE and uncontested.
+
+        Thread rule: the caller holds ``self.lock``.
         """
-        with self.lock:
-            # Read here, so that whoever comes second is not earlier.
-            now_ns = self.clock.monotonic_ns()
-            if now_ns >= self._next_due_ns:
-                self._settle(now_ns)
-            if arrived or message.last_seen_ns > now_ns:
-                message.last_seen_ns = now_ns
-            record = self._records.get(message.hint.entity_id)
-            if record is not None and follows(message, record):
-                # Readings of two clocks jitter, and a wall clock may be set back: numbers do not.
-                message.last_seen_ns = max(message.last_seen_ns, record.last_seen_ns)
-            if record is None:
-                verdict, record = self._begin(message, now_ns)
-            elif record.status is _LEFT:
-                verdict = self._heard_after_goodbye(record, message, now_ns)
-            elif same_claimant(message, record):
-                verdict = self._heard(record, message, now_ns)
-            else:
-                verdict = self._heard_other(record, message, now_ns)
-            if record is None or verdict not in _HELD or record.status is not _ACTIVE:
-                return verdict, None, 0
-            # Numbers of another incarnation, or of none, are not comparable.
-            if record.rivals or message.incarnation != record.incarnation:
-                return verdict, None, 0
-            return verdict, record, record.revision
+        # Read under the lock, so that whoever comes second is not earlier.
+        now_ns = self.clock.monotonic_ns()
+        if now_ns >= self._next_due_ns:
+            self._settle(now_ns)
+        if arrived or message.last_seen_ns > now_ns:
+            message.last_seen_ns = now_ns
+        record = self._records.get(message.hint.entity_id)
+        if message.sequence and record is not None and follows(message, record):
+            # Readings of two clocks jitter, and a wall clock may be set back: numbers do not.
+            message.last_seen_ns = max(message.last_seen_ns, record.last_seen_ns)
+        if record is None:
+            verdict, record = self._begin(message, now_ns)
+        elif record.status is _LEFT:
+            verdict = self._heard_after_goodbye(record, message, now_ns)
+        elif same_claimant(message, record):
+            verdict = self._heard(record, message, now_ns)
+        else:
+            verdict = self._heard_other(record, message, now_ns)
+        if record is None or verdict not in _HELD or record.status is not _ACTIVE:
+            return verdict, None, 0
+        # Numbers of another incarnation, or of none, are not comparable.
+        if record.rivals or message.incarnation != record.incarnation:
+            return verdict, None, 0
+        return verdict, record, record.revision
 
     def refresh(
         self, record: Record, version: int, sequence: int, sent_ns: int, now_ns: int
@@ -332,7 +335,8 @@ class HintStore:
         if sent_ns < record.last_seen_ns or (message.sequence and repeats(message, record)):
             return Verdict.OLDER
         if record.status is _ACTIVE and not record.rivals:
-            self._count(record, message)
+            if message.sequence or message.incarnation:
+                self._count(record, message)
             record.last_seen_ns = sent_ns
             if sent_ns + self.ttl_ns >= record.slot_end_ns:
                 self._due.schedule(record, sent_ns + self.ttl_ns)
@@ -370,6 +374,9 @@ class HintStore:
             message.last_seen_ns = max(message.last_seen_ns, known.last_seen_ns)
         if message.last_seen_ns < known.last_seen_ns:
             return Verdict.OLDER
+        if rival is not None and rival.departed and not is_new_life(message, rival):
+            self._buried += 1
+            return Verdict.BURIED
         if rival is not None and repeats(message, rival):
             return Verdict.OLDER
         if record.status is _ACTIVE and (rival is not None or other_host(message, record)):
@@ -427,7 +434,7 @@ class HintStore:
                 return Verdict.UNKNOWN
             speaker = Claimant(BeaconHint(entity_id), source, incarnation, sequence, now_ns)
             if not same_claimant(speaker, record):
-                return self._rival_departs(record, speaker, verdict)
+                return self._rival_departs(record, speaker, cause, verdict)
             if record.status is _LEFT or record.cause is cause or repeats(speaker, record):
                 return Verdict.OLDER
             self._count(record, speaker)
@@ -436,17 +443,24 @@ class HintStore:
                 self._set_rivals(record, ())
                 self._go(record, cause, now_ns, detail)
                 self._file(record)
+            elif cause is Cause.GOODBYE:
+                self._inherit(record, heir, now_ns, tombstone(record, speaker))
             else:
                 self._inherit(record, heir, now_ns)
             return verdict
 
-    def _rival_departs(self, record: Record, speaker: Claimant, verdict: Verdict) -> Verdict:
+    def _rival_departs(
+        self, record: Record, speaker: Claimant, cause: Cause, verdict: Verdict
+    ) -> Verdict:
         rival = find(record.rivals, speaker)
         if rival is None:
             return Verdict.UNKNOWN
-        if repeats(speaker, rival):
+        if rival.departed or repeats(speaker, rival):
             return Verdict.OLDER
-        self._set_rivals(record, tuple(one for one in record.rivals if one is not rival))
+        rivals = tuple(one for one in record.rivals if one is not rival)
+        if cause is Cause.GOODBYE:
+            rivals = (*rivals, tombstone(rival, speaker))
+        self._set_rivals(record, rivals)
         self._file(record)
         return verdict
 
@@ -535,10 +549,10 @@ class HintStore:
         self._go(record, cause, at_ns, detail)
         self._file(record)
 
-    def _inherit(self, record: Record, heir: Claimant, at_ns: int) -> None:
-        """A contender holds the id from now on; the other contenders stay."""
+    def _inherit(self, record: Record, heir: Claimant, at_ns: int, *gone: Claimant) -> None:
+        """A contender holds the id from now on; the others stay, and who has gone is remembered."""
         others = tuple(one for one in record.rivals if one is not heir)
-        self._hand_over(record, heir, Cause.HEARD, at_ns, others)
+        self._hand_over(record, heir, Cause.HEARD, at_ns, others + gone)
 
     def _set_hint(self, record: Record, hint: BeaconHint, size: int) -> None:
         record.hint = hint
@@ -567,7 +581,8 @@ class HintStore:
         self._revision += 1
         record.revision = self._revision
         record.view = None
-        self._records[record.entity_id] = self._records.pop(record.entity_id)
+        entity_id = record.hint.entity_id
+        self._records[entity_id] = self._records.pop(entity_id)
 
     def _remove(self, record: Record, cause: Cause) -> None:
         transition(record.status, cause)

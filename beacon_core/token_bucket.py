@@ -102,20 +102,23 @@ class FairGate:
         Returns ``None`` for "pass", else the verdict to drop the message with. A source turned away
         by the global bucket keeps its own token.
         """
-        spent_ns = source.busy_until_ns - now_ns
-        if spent_ns > self._source_burst_ns:
+        # Written to be quick where both buckets are full or nearly so: that is nearly always.
+        busy_ns = source.busy_until_ns
+        if busy_ns < now_ns:
+            busy_ns = now_ns
+        elif busy_ns - now_ns > self._source_burst_ns:
             return _SOURCE_RATE
-        all_spent_ns = self._busy_until_ns - now_ns
-        if all_spent_ns > self._reserve_ns and (
-            all_spent_ns > self._global_burst_ns
+        all_busy_ns = self._busy_until_ns
+        if all_busy_ns < now_ns:
+            all_busy_ns = now_ns
+        elif all_busy_ns - now_ns > self._reserve_ns and (
+            all_busy_ns - now_ns > self._global_burst_ns
             or not settled
-            or spent_ns * 2 > self._source_burst_ns
+            or (busy_ns - now_ns) * 2 > self._source_burst_ns
         ):
             return _GLOBAL_RATE
-        source.busy_until_ns = now_ns + self._source_step_ns + (spent_ns if spent_ns > 0 else 0)
-        self._busy_until_ns = (
-            now_ns + self._global_step_ns + (all_spent_ns if all_spent_ns > 0 else 0)
-        )
+        source.busy_until_ns = busy_ns + self._source_step_ns
+        self._busy_until_ns = all_busy_ns + self._global_step_ns
         return None
 
     def charge(self, source: Paced, tokens: int, now_ns: int) -> None:
