@@ -189,29 +189,30 @@ class SessionKeeper:
     def _open(self) -> None:
         try:
             session = zenoh.open(self.config.make())
-            self._links = set()
             self._linked_at = time.monotonic()
-            self._prepare(session, self._links)
+            links = self._prepare(session)
         except zenoh.ZError as error:
             self._error = reason(error)
             _log.debug("no session: %s", self._error)
             self._retry_at = time.monotonic() + self._retry_s
             self._retry_s = min(self._retry_s * _RETRY_FACTOR, _RETRY_LAST_S)
         else:
-            self._session = session
+            self._session, self._links = session, links
             self._retry_s = _RETRY_FIRST_S
         finally:
             self._first_attempt.set()
 
-    def _prepare(self, session: zenoh.Session, links: set[str]) -> None:
+    def _prepare(self, session: zenoh.Session) -> set[str]:
+        """Returns the session's own set of links: what an old one still reports is no news."""
+        links: set[str] = set()
         try:
-            # The set is the session's own: what an old one still reports is not taken for news.
             listener = partial(self._on_transport, links)
             session.info.declare_transport_events_listener(listener, history=True)
             self._declare(session)
         except zenoh.ZError:
             _close(session)
             raise
+        return links
 
     def _guarded_step(self) -> float | None:
         try:

@@ -1,0 +1,90 @@
+"""What the contract suite cannot see of the source: who is asked, how often, and what counts."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+import zenoh
+
+from beacon_core.hint import BeaconHint
+from beacon_core.lifecycle import Status
+from beacon_core.testing.harness import Listener
+from beacon_core.wire import json
+from beacon_zenoh import wire
+from beacon_zenoh.config import session_config
+from beacon_zenoh.harness import ZenohHarness
+
+SLOW_CLOCK_NS = 3600 * 10**9
+
+
+@pytest.fixture
+def harness() -> Iterator[ZenohHarness]:
+    made = ZenohHarness()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def robot(harness: ZenohHarness) -> Iterator[zenoh.Session]:
+    """A robot in another language."""
+    session = zenoh.open(session_config(harness.options(), "client").make())
+    yield session
+    session.close()  # type: ignore[no-untyped-call]
+
+
+def eventually(harness: ZenohHarness, predicate: Callable[[], bool]) -> None:
+    assert harness.wait_until(predicate, 5.0)
+
+
+def attachment(sequence: int) -> bytes:
+    return wire.encode("run-1", sequence, time.time_ns() - SLOW_CLOCK_NS // 60)
+
+
+def test_an_answer_counts_as_said_now_whatever_the_clock_of_the_robot(
+    harness: ZenohHarness, robot: zenoh.Session
+) -> None:
+    listener = Listener(harness).start()
+    payload = json.encode(BeaconHint("engine"))
+
+    def answer(query: zenoh.Query) -> None:
+        with query:
+            query.reply("beacon/hint/engine", payload, attachment=attachment(2))
+
+    robot.declare_queryable("beacon/hint/engine", answer)
+    token = robot.liveliness().declare_token("beacon/live/engine/run-1")
+    robot.put("beacon/hint/engine", payload, attachment=attachment(1))
+    eventually(harness, lambda: listener.has("engine"))
+    token.undeclare()  # type: ignore[no-untyped-call]
+    eventually(harness, lambda: listener.has("engine", Status.STALE))
+    back = robot.liveliness().declare_token("beacon/live/engine/run-1")
+    eventually(harness, lambda: listener.has("engine"))
+    assert listener.tap.calls[-1].sequence == 2
+    assert listener.tap.calls[-1].stamp_ns == 0
+    back.undeclare()  # type: ignore[no-untyped-call]
+
+
+def test_a_robot_that_cannot_be_asked_is_asked_three_times_and_then_waited_for(
+    harness: ZenohHarness, robot: zenoh.Session
+) -> None:
+    listener = Listener(harness).start()
+
+    def asked() -> int:
+        return listener.source.health().counters["asked"]
+
+    assert asked() == 1  # everybody, at the start
+    token = robot.liveliness().declare_token("beacon/live/engine")
+    eventually(harness, lambda: asked() == 4)
+    assert not harness.wait_until(lambda: asked() > 4, 0.3)
+    robot.put("beacon/hint/engine", b'{"entity_id":"engine"}')
+    eventually(harness, lambda: listener.has("engine"))
+    token.undeclare()  # type: ignore[no-untyped-call]
+
+
+def test_many_tokens_make_few_questions(harness: ZenohHarness, robot: zenoh.Session) -> None:
+    listener = Listener(harness).start()
+    tokens = [robot.liveliness().declare_token(f"beacon/live/part-{n}") for n in range(100)]
+    eventually(harness, lambda: listener.source.health().counters["tokens"] == len(tokens))
+    eventually(harness, lambda: listener.source.health().counters["asked"] >= 4)
+    assert listener.source.health().counters["asked"] < 20
