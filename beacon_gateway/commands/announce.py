@@ -131,13 +131,14 @@ def _attend(announcer: Announcer, stop: threading.Event, duration_s: float | Non
     end_s = math.inf if duration_s is None else time.monotonic() + duration_s
     trouble = ""
     while True:
+        # First wait, then look: a connection takes a moment.
+        ended = wait(stop, max(0.0, min(end_s - time.monotonic(), _LOOK_S)))
         before, trouble = trouble, _trouble(health()) if health else ""
         if trouble and not before:
             _log.warning("%s", trouble)
         elif before and not trouble:
             _log.info("connected")
-        left_s = end_s - time.monotonic()
-        if left_s <= 0 or wait(stop, min(left_s, _LOOK_S)):
+        if ended or time.monotonic() >= end_s:
             return trouble
 
 
