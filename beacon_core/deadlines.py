@@ -72,8 +72,10 @@ class DeadlineQueue(Generic[_T]):
         """File ``item`` under a new deadline, instead of the one it may have. O(1) if far away."""
         slot = deadline_ns >> self._shift
         if slot <= self._horizon:
-            self.cancel(item)
-            self._push(item, deadline_ns)
+            # Filed again under the same deadline, its entry in the heap would stay valid too.
+            if item.due_ns != deadline_ns:
+                self.cancel(item)
+                self._push(item, deadline_ns)
         elif slot != item.slot:
             self.cancel(item)
             item.slot, item.slot_end_ns = slot, (slot + 1) << self._shift

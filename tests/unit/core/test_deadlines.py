@@ -225,6 +225,16 @@ def test_moving_about_in_the_heap_leaves_it_small() -> None:
     assert [name for _, name in pop_all(due, 10**18)] == [item.entity_id for item in items]
 
 
+def test_filing_again_under_the_same_deadline_leaves_the_heap_as_it_is() -> None:
+    due = queue()
+    item = file(due, Item("a"), TTL_NS)
+    due.pop_due(TTL_NS - 1)
+    for _ in range(1000):
+        file(due, item, TTL_NS)
+    assert len(due._near) == 1
+    assert pop_all(due, TTL_NS) == [(TTL_NS, "a")]
+
+
 # -- all at once ---------------------------------------------------------------------------------
 
 
