@@ -20,8 +20,8 @@ from typing import Generic, Protocol, TypeVar
 
 __all__ = ["NEVER", "DeadlineQueue", "Timed"]
 
-NEVER = -1
-"""The deadline and slot of a record that is not in the queue."""
+NEVER = -(2**63)
+"""The deadline and slot of a record that is not in the queue; a clock may well show -1."""
 
 _SLOTS_PER_TTL = 16
 """A slot is at most this part of the shortest usual interval. Finer slots move a record at more of

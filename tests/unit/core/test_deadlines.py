@@ -88,6 +88,15 @@ def test_time_before_the_start_of_the_clock_is_time_too() -> None:
     assert pop_all(due, 0) == [(-5 * TTL_NS, "a")]
 
 
+@pytest.mark.parametrize("deadline_ns", [-SLOT_NS, -2, -1, 0])
+def test_the_last_moments_before_the_start_of_the_clock_are_no_exception(deadline_ns: int) -> None:
+    due = queue()
+    item = file(due, Item("a"), deadline_ns)
+    assert due.pop_due(deadline_ns - 1) is None
+    file(due, item, deadline_ns)
+    assert pop_all(due, deadline_ns) == [(deadline_ns, "a")]
+
+
 # -- moving and cancelling -----------------------------------------------------------------------
 
 
