@@ -168,14 +168,26 @@ class Intake:
         return self._finish(account, Outcome(verdict, entity_id))
 
     def totals(self) -> dict[Verdict, int]:
-        """Messages by verdict, over all sources that ever spoke; every verdict is a key."""
+        """Messages by verdict, over all sources that ever spoke; every verdict is a key.
+
+        Each source is counted at one moment, but not all at the same: adding up ten thousand takes
+        long enough for messages to come in between.
+        """
         with self._lock:
-            return self._sources.totals()
+            sources, total = self._sources.all()
+        for source in sources:
+            total.update(source.all_counts())
+        return {verdict: total[verdict] for verdict in Verdict}
 
     def sources(self) -> list[SourceReport]:
-        """One report for each source still told apart."""
+        """One report for each source still told apart; of one moment each, as in ``totals``."""
         with self._lock:
-            return self._sources.reports()
+            sources, _ = self._sources.all()
+        return [source.report() for source in sources]
+
+    def source_count(self) -> int:
+        """How many sources are told apart."""
+        return len(self._sources)
 
     def _account(self, source: str) -> Source:
         with self._lock:

@@ -61,6 +61,16 @@ class Source:
         """Stamps that were not believed."""
         self.skew_reported = False
 
+    def report(self) -> SourceReport:
+        """What is known of it, at this moment."""
+        return SourceReport(
+            name=self.name,
+            counts=self.all_counts(),
+            repaired=self.repaired,
+            clock_offset_ns=None if self.clock is None else self.clock.offset_ns,
+            distrusted_stamps=self.distrusted,
+        )
+
     def all_counts(self) -> dict[Verdict, int]:
         """Messages by verdict; only verdicts that occurred."""
         counts = dict(self.counts)
@@ -107,16 +117,12 @@ class Sources:
             source = self._sources[name] = Source(name)
         return source
 
-    def totals(self) -> dict[Verdict, int]:
-        """Messages by verdict over all sources, those folded away included."""
-        total = Counter(self._past)
-        for source in self._sources.values():
-            total.update(source.all_counts())
-        return {verdict: total[verdict] for verdict in Verdict}
+    def __len__(self) -> int:
+        return len(self._sources)
 
-    def reports(self) -> list[SourceReport]:
-        """One for each account in the table."""
-        return [_report(source) for source in self._sources.values()]
+    def all(self) -> tuple[list[Source], Counter[Verdict]]:
+        """Every account, and the sum of those that were folded away: quickly, to be read later."""
+        return [*self._sources.values()], Counter(self._past)
 
     def _fold_some(self) -> None:
         """Fold a tenth of the table: strangers before settled ones, the longest silent first."""
@@ -124,13 +130,3 @@ class Sources:
         for source in by_worth[: MAX_SOURCES // 10]:
             self._past.update(source.all_counts())
             del self._sources[source.name]
-
-
-def _report(source: Source) -> SourceReport:
-    return SourceReport(
-        name=source.name,
-        counts=source.all_counts(),
-        repaired=source.repaired,
-        clock_offset_ns=None if source.clock is None else source.clock.offset_ns,
-        distrusted_stamps=source.distrusted,
-    )

@@ -341,6 +341,8 @@ def test_threads_lose_no_count(make: Callable[..., Road]) -> None:
     for thread in threads:
         thread.join()
     totals = road.intake.totals()
+    assert set(totals) == set(Verdict)
+    assert road.intake.source_count() == 4
     assert sum(totals.values()) == 4 * 1000
     assert totals[Verdict.MALFORMED] == 4 * 500
     assert totals[Verdict.NEW] == 4 * 7

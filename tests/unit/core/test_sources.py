@@ -23,7 +23,7 @@ def test_names_beyond_the_limit_share_an_account() -> None:
     sources = Sources()
     long = "x" * MAX_SOURCE_NAME
     assert sources.meet(long + "a") is sources.meet(long + "b")
-    assert [report.name for report in sources.reports()] == [long]
+    assert [source.name for source in sources.all()[0]] == [long]
 
 
 def test_a_report_says_what_was_counted() -> None:
@@ -35,7 +35,7 @@ def test_a_report_says_what_was_counted() -> None:
     source.distrusted = 3
     source.clock = ClockOffset()
     source.clock.observe(stamp_ns=0, wall_now_ns=7)
-    (report,) = sources.reports()
+    report = source.report()
     assert report.counts == {Verdict.NEW: 1, Verdict.REFRESHED: 4}
     assert (report.repaired, report.distrusted_stamps, report.clock_offset_ns) == (2, 3, 7)
 
@@ -49,11 +49,10 @@ def test_refreshes_by_the_short_and_by_the_long_way_are_one_count() -> None:
 
 def test_a_source_without_stamps_has_no_offset() -> None:
     sources = Sources()
-    sources.meet("r1")
-    assert sources.reports()[0].clock_offset_ns is None
+    assert sources.meet("r1").report().clock_offset_ns is None
 
 
-def test_totals_name_every_verdict_and_keep_what_was_folded_away(
+def test_what_was_folded_away_stays_counted(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(module, "MAX_SOURCES", 20)
@@ -62,11 +61,11 @@ def test_totals_name_every_verdict_and_keep_what_was_folded_away(
         source = sources.meet(f"r{number}")
         source.counts[Verdict.INVALID] += 1
         source.refreshed += 2
-    assert len(sources.reports()) <= 20
-    totals = sources.totals()
-    assert totals[Verdict.INVALID] == 50
-    assert totals[Verdict.REFRESHED] == 100
-    assert set(totals) == set(Verdict)
+    assert len(sources) <= 20
+    living, total = sources.all()
+    for source in living:
+        total.update(source.all_counts())
+    assert total == {Verdict.INVALID: 50, Verdict.REFRESHED: 100}
 
 
 def test_strangers_give_way_before_settled_sources_and_the_longest_silent_first(
@@ -79,5 +78,5 @@ def test_strangers_give_way_before_settled_sources_and_the_longest_silent_first(
         source.settled = number < 10
         source.busy_until_ns = 100 - number
     sources.meet("newcomer")
-    names = {report.name for report in sources.reports()}
+    names = {source.name for source in sources.all()[0]}
     assert names == {"newcomer", *(f"r{number}" for number in range(18))}
