@@ -11,6 +11,7 @@ import itertools
 import math
 import threading
 from collections import Counter
+from collections.abc import Callable
 from typing import Any
 
 import attrs
@@ -246,6 +247,45 @@ def test_an_incarnation_told_later_is_a_change(house: House) -> None:
     assert house.store.revision > revision
 
 
+# -- departures, in short ------------------------------------------------------------------------
+
+
+def test_a_goodbye_is_not_undone_by_what_was_under_way(house: House) -> None:
+    house.hear(incarnation="i", sequence=5)
+    assert house.store.goodbye("e", source="r", incarnation="i", sequence=7) is Verdict.LEFT
+    assert house.hear(incarnation="i", sequence=6) is Verdict.BURIED
+    assert house.hear(incarnation="i", sequence=6, age=1) is Verdict.OLDER
+    assert house.status() is LEFT
+    assert house.hear(incarnation="i", sequence=8) is Verdict.CHANGED
+    assert house.status() is ACTIVE
+
+
+def test_a_new_life_that_is_expired_on_arrival_is_none(house: House) -> None:
+    house.hear(incarnation="i")
+    house.wait(EXPIRY - 1)
+    house.store.goodbye("e", source="r")
+    house.wait(2)
+    assert house.hear(incarnation="j", age=EXPIRY) is Verdict.OLDER
+    assert house.status() is LEFT
+
+
+def test_a_loss_is_not_undone_by_what_was_under_way(house: House) -> None:
+    house.hear()
+    house.wait(S)
+    assert house.store.lost("e", source="r") is Verdict.LOST
+    assert house.store.lost("e", source="r") is Verdict.OLDER
+    assert house.hear(age=1) is Verdict.OLDER
+    assert house.status() is STALE
+    assert house.hear() is Verdict.REFRESHED
+    assert house.status() is ACTIVE
+
+
+def test_nobody_departs_whom_nobody_knows(house: House) -> None:
+    assert house.store.goodbye("e") is Verdict.UNKNOWN
+    house.hear()
+    assert house.store.goodbye("e", source="s") is Verdict.UNKNOWN
+
+
 # -- restarts and conflicts, in short --------------------------------------------------------------
 
 
@@ -311,7 +351,7 @@ def test_a_rival_that_departs_ends_its_claim(house: House) -> None:
 def test_rivals_are_held_to_their_times_and_numbers_too(house: House) -> None:
     house.hear(source="a", hostname="h")
     house.wait(S)
-    hear_b = {"source": "b", "incarnation": "i", "hostname": "g"}
+    hear_b: dict[str, Any] = {"source": "b", "incarnation": "i", "hostname": "g"}
     assert house.hear(**hear_b, age=S + 1) is Verdict.OLDER
     assert house.hear(**hear_b, sequence=5) is Verdict.CONTENDED
     assert house.hear(**hear_b, sequence=5) is Verdict.OLDER
@@ -319,6 +359,24 @@ def test_rivals_are_held_to_their_times_and_numbers_too(house: House) -> None:
     assert house.store.goodbye("e", source="b", incarnation="i", sequence=4) is Verdict.OLDER
     assert house.hear(**hear_b, sequence=6, age=1) is Verdict.CONTENDED
     assert house.get().claims[1].last_seen_ns == house.now
+
+
+def test_what_a_departed_rival_said_before_does_not_bring_it_back(house: House) -> None:
+    house.hear(source="a", hostname="h")
+    house.hear(source="b", hostname="g")
+    assert house.store.goodbye("e", source="b") is Verdict.LEFT
+    assert house.store.goodbye("e", source="b") is Verdict.OLDER
+    assert house.hear(source="b", hostname="g") is Verdict.BURIED
+    assert not house.get().conflict
+
+
+def test_a_contender_that_is_lost_leaves_the_id_to_the_holder_and_the_other_way_round(
+    house: House,
+) -> None:
+    house.hear(source="a", hostname="h")
+    house.hear(source="b", hostname="g")
+    house.store.lost("e", source="a")
+    assert (house.get().source, house.status()) == ("b", ACTIVE)
 
 
 def test_no_more_claims_are_kept_than_tell_something(house: House) -> None:
@@ -565,7 +623,9 @@ def test_all_are_forgotten_whatever_their_status(house: House) -> None:
 def take(house: House, **told: Any) -> tuple[Verdict, Record | None, int]:
     fields = {"source": "r", "incarnation": "i", "sequence": 0, "last_seen_ns": house.now, **told}
     with house.store.lock:
-        return house.store.take(Claimant(BeaconHint("e"), **fields))
+        message = Claimant(BeaconHint("e"), **fields)
+    with house.store.lock:
+        return house.store.take(message)
 
 
 def refresh(
@@ -653,7 +713,7 @@ def test_four_threads_at_once_lose_and_invent_nothing() -> None:
     def hammer(number: int) -> None:
         start.wait(10)
         for turn in range(each):
-            words = {"display_name": str(turn), "hostname": f"h{number}"}
+            words: dict[str, Any] = {"display_name": str(turn), "hostname": f"h{number}"}
             verdicts[number][house.hear("shared", f"s{number}", **words)] += 1
             verdicts[number][house.hear(f"own-{number}-{turn % 20}", **words)] += 1
             if turn % 50 == number:
@@ -673,7 +733,7 @@ def test_four_threads_at_once_lose_and_invent_nothing() -> None:
 
 
 def test_nothing_is_forgotten_in_any_count(house: House) -> None:
-    steps = itertools.cycle(
+    steps: itertools.cycle[Callable[[], object]] = itertools.cycle(
         [
             lambda: house.hear("a", "r", "i", hostname="h"),
             lambda: house.hear("a", "s", "j", hostname="g", display_name="rival"),
