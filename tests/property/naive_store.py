@@ -35,6 +35,7 @@ class Voice:
     number: int
     heard: int
     contending: bool = False
+    departed: bool = False
 
 
 @attrs.define(eq=False)
@@ -148,6 +149,9 @@ class NaiveStore:
             message.heard = max(message.heard, other.heard)
         if message.heard < (other or entity.holder).heard:
             return "older"
+        if other and other.departed and not is_numbered_higher(message, other):
+            self.totals["buried"] += 1
+            return "buried"
         if other and is_repetition(message, other):
             return "older"
         elsewhere = both_differ(message.hint["hostname"], entity.holder.hint["hostname"])
@@ -159,9 +163,7 @@ class NaiveStore:
         gone = entity.holder
         if message.heard < gone.heard:
             return "older"
-        same_run = message.incarnation == gone.incarnation
-        higher = same_run and message.number > gone.number > 0
-        if same_process(message, gone) and not higher:
+        if same_process(message, gone) and not is_numbered_higher(message, gone):
             self.totals["buried"] += 1
             return "buried"
         return self._take_over(entity, message, now)
@@ -212,9 +214,11 @@ class NaiveStore:
         other = first(one for one in entity.others if same_process(speaker, one))
         if other is None:
             return "unknown"
-        if is_repetition(speaker, other):
+        if other.departed or is_repetition(speaker, other):
             return "older"
         entity.others.remove(other)
+        if cause == "goodbye":
+            entity.others.append(departed(other, speaker, now))
         return DEPARTED[cause]
 
     def _holder_departs(
@@ -226,6 +230,8 @@ class NaiveStore:
         holder.incarnation, holder.number = run_after(holder, speaker)
         if entity.contenders:
             self._inherit(entity, now)
+            if cause == "goodbye":
+                entity.others.append(departed(holder, speaker, now))
         else:
             self._go(entity, "left" if cause == "goodbye" else "stale", cause, now, detail)
         return DEPARTED[cause]
@@ -387,6 +393,16 @@ def is_numbered_later(message: Voice, known: Voice) -> bool:
     """A higher number of the same run was said later, whatever a clock shows."""
     same_run = message.incarnation != "" and message.incarnation == known.incarnation
     return same_run and message.number > known.number > 0
+
+
+def is_numbered_higher(message: Voice, gone: Voice) -> bool:
+    """Was it said after a goodbye? Also where nobody tells incarnations."""
+    return message.incarnation == gone.incarnation and message.number > gone.number > 0
+
+
+def departed(gone: Voice, goodbye: Voice, now: int) -> Voice:
+    incarnation, number = run_after(gone, goodbye)
+    return Voice(gone.hint, gone.source, incarnation, number, now, departed=True)
 
 
 def run_after(known: Voice, message: Voice) -> tuple[str, int]:
