@@ -149,6 +149,7 @@ def _source_health(listener: Listener) -> Body:
         "condition": health.condition.value,
         "counters": dict(health.counters),
         "messages": {verdict.value: n for verdict, n in listener.intake.totals().items()},
+        "senders": listener.intake.source_count(),
         "hints": {
             "active": stats.active,
             "stale": stats.stale,
