@@ -20,6 +20,7 @@ from beacon_core.claims import (
     repeats,
     same_claimant,
     succession,
+    tombstone,
     visible,
 )
 from beacon_core.hint import BeaconHint
@@ -214,6 +215,24 @@ def test_a_predecessor_is_remembered_by_who_it_was_without_its_other_words() -> 
     assert (kept.source, kept.incarnation, kept.sequence, kept.last_seen_ns) == ("a", "i", 5, 9)
     assert kept.hint == BeaconHint("e", hostname="h", process_id=7)
     assert not kept.contending
+
+
+@pytest.mark.parametrize(
+    ("goodbye", "count"),
+    [
+        (one("a", "i", 7, at_ns=20), ("i", 7)),
+        (one("a", "i", at_ns=20), ("i", 5)),
+        (one("a", at_ns=20), ("i", 5)),
+    ],
+)
+def test_a_tombstone_says_who_left_and_when_and_with_which_number(
+    goodbye: Claimant, count: tuple[str, int]
+) -> None:
+    known = one("a", "i", 5, host="h", at_ns=9, contending=True, display_name="A")
+    stone = tombstone(known, goodbye)
+    assert (stone.source, stone.incarnation, stone.sequence) == ("a", *count)
+    assert (stone.last_seen_ns, stone.departed, stone.contending) == (20, True, False)
+    assert stone.hint == BeaconHint("e", hostname="h")
 
 
 @pytest.mark.parametrize(

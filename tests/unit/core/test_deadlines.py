@@ -81,11 +81,13 @@ def test_what_became_due_long_ago_comes_out_with_its_own_time() -> None:
     assert pop_all(due, 10**19) == [(TTL_NS, "a")]
 
 
-def test_time_before_the_start_of_the_clock_is_time_too() -> None:
+@pytest.mark.parametrize("deadline_ns", [-5 * TTL_NS, -2, -1])
+def test_time_before_the_start_of_the_clock_is_time_too(deadline_ns: int) -> None:
     due = queue()
-    file(due, Item("a"), -5 * TTL_NS)
+    file(due, Item("a"), deadline_ns)
     file(due, Item("b"), 1)
-    assert pop_all(due, 0) == [(-5 * TTL_NS, "a")]
+    due.cancel(file(due, Item("c"), deadline_ns))
+    assert pop_all(due, 0) == [(deadline_ns, "a")]
 
 
 @pytest.mark.parametrize("deadline_ns", [-SLOT_NS, -2, -1, 0])
@@ -241,6 +243,16 @@ def test_filing_again_under_the_same_deadline_leaves_the_heap_as_it_is() -> None
     for _ in range(1000):
         file(due, item, TTL_NS)
     assert len(due._near) == 1
+    assert pop_all(due, TTL_NS) == [(TTL_NS, "a")]
+
+
+def test_filing_again_under_the_same_deadline_leaves_the_heap_small() -> None:
+    due = queue()
+    item = file(due, Item("a"), TTL_NS)
+    due.pop_due(TTL_NS - 1)
+    for _ in range(1000):
+        file(due, item, TTL_NS)
+    assert len(due._near) <= 2 + 64
     assert pop_all(due, TTL_NS) == [(TTL_NS, "a")]
 
 
