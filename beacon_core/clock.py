@@ -19,7 +19,7 @@ class Clock(Protocol):
     """
 
     def monotonic_ns(self) -> int:
-        """Nanoseconds from an arbitrary start; never goes back."""
+        """Nanoseconds from an arbitrary start; never below 0, and never goes back."""
 
     def wall_ns(self) -> int:
         """Nanoseconds since 1970-01-01 UTC, as this machine believes."""
