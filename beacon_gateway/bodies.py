@@ -28,10 +28,12 @@ __all__ = [
 ]
 
 API_BASE = "/api/v1"
+"""What every path begins with, as clients of ros2_medkit expect."""
+
 BEACON = "x-medkit-beacon"
 """The vendor endpoint, and the vendor keys in other answers."""
 
-Body = dict[str, object]
+_Body = dict[str, object]
 
 _RESOURCES = (
     "status",
@@ -47,13 +49,13 @@ _RESOURCES = (
 """Addresses clients find in every detail, whether or not something answers there."""
 
 
-def items(found: Iterable[Found], clock: Clock) -> Body:
+def items(found: Iterable[Found], clock: Clock) -> _Body:
     """A collection."""
     listed = [item(one, clock) for one in found]
     return {"items": listed, "x-medkit": {"total_count": len(listed)}}
 
 
-def item(found: Found, clock: Clock) -> Body:
+def item(found: Found, clock: Clock) -> _Body:
     """One line of a collection."""
     entity = found.entity
     return {
@@ -65,11 +67,11 @@ def item(found: Found, clock: Clock) -> Body:
     }
 
 
-def detail(found: Found, clock: Clock) -> Body:
+def detail(found: Found, clock: Clock) -> _Body:
     """One app or component."""
     entity = found.entity
     href = _href(entity)
-    body: Body = {
+    body: _Body = {
         "id": entity.id,
         "name": entity.name or entity.id,
         "type": _type(entity),
@@ -87,7 +89,7 @@ def detail(found: Found, clock: Clock) -> Body:
     return body
 
 
-def vendor_beacon(beacon: Beacon, clock: Clock) -> Body:
+def vendor_beacon(beacon: Beacon, clock: Clock) -> _Body:
     """The 14 keys every client knows, of the freshest source; and what else is known."""
     now_ns = clock.monotonic_ns()
     stored = beacon.stored
@@ -102,7 +104,7 @@ def vendor_beacon(beacon: Beacon, clock: Clock) -> Body:
     }
 
 
-def left_parameters(beacon: Beacon, clock: Clock) -> Body:
+def left_parameters(beacon: Beacon, clock: Clock) -> _Body:
     """What is left of an entity that said goodbye."""
     stored = beacon.stored
     hint = stored.hint
@@ -119,13 +121,13 @@ def left_parameters(beacon: Beacon, clock: Clock) -> Body:
     }
 
 
-def version_info(vendor_name: str) -> Body:
+def version_info(vendor_name: str) -> _Body:
     """Which version of the interface is spoken here, and by whom."""
     vendor = {"version": __version__, "name": vendor_name}
     return {"items": [{"version": "1.0.0", "base_uri": API_BASE, "vendor_info": vendor}]}
 
 
-def health(gateway: Gateway) -> Body:
+def health(gateway: Gateway) -> _Body:
     """How the gateway and each of its sources are doing."""
     clock = gateway.clock
     return {
@@ -140,10 +142,10 @@ def health(gateway: Gateway) -> Body:
     }
 
 
-def _source_health(listener: Listener) -> Body:
+def _source_health(listener: Listener) -> _Body:
     health = listener.source.health()
     stats = listener.store.stats()
-    body: Body = {
+    body: _Body = {
         "name": listener.name,
         "adapter": listener.adapter,
         "condition": health.condition.value,
@@ -165,9 +167,9 @@ def _source_health(listener: Listener) -> Body:
     return {**body, "detail": health.detail} if health.detail else body
 
 
-def _x_medkit(found: Found, clock: Clock) -> Body:
+def _x_medkit(found: Found, clock: Clock) -> _Body:
     entity, beacon = found.entity, found.beacon
-    body: Body = {"source": entity.source}
+    body: _Body = {"source": entity.source}
     if isinstance(entity, App):
         body["is_online"] = beacon is not None and beacon.online
         if entity.component_id:
@@ -177,7 +179,7 @@ def _x_medkit(found: Found, clock: Clock) -> Body:
     return body
 
 
-def _summary(beacon: Beacon, now_ns: int) -> Body:
+def _summary(beacon: Beacon, now_ns: int) -> _Body:
     """The beacon block of an item: enough for a live table."""
     return {
         "source": beacon.freshest.source,
@@ -186,9 +188,9 @@ def _summary(beacon: Beacon, now_ns: int) -> Body:
     }
 
 
-def _account(stored: StoredHint, now_ns: int) -> Body:
+def _account(stored: StoredHint, now_ns: int) -> _Body:
     hint = stored.hint
-    given: Body = {
+    given: _Body = {
         "hostname": hint.hostname,
         "process_id": hint.process_id,
         "process_name": hint.process_name,
@@ -202,7 +204,7 @@ def _account(stored: StoredHint, now_ns: int) -> Body:
     }
 
 
-def _view(view: View, now_ns: int) -> Body:
+def _view(view: View, now_ns: int) -> _Body:
     """One source's word on the entity: who spoke, when, and as which process."""
     return {
         "source": view.source,
@@ -213,16 +215,16 @@ def _view(view: View, now_ns: int) -> Body:
     }
 
 
-def _evidence(stored: StoredHint) -> Body:
+def _evidence(stored: StoredHint) -> _Body:
     cause = {"cause": stored.cause.value}
     return {**cause, "reason": stored.detail} if stored.detail else dict(cause)
 
 
-def _claims(beacon: Beacon, now_ns: int) -> Body:
+def _claims(beacon: Beacon, now_ns: int) -> _Body:
     return {"claims": [_claim(claim, now_ns) for claim in beacon.claims]} if beacon.conflict else {}
 
 
-def _claim(claim: Claim, now_ns: int) -> Body:
+def _claim(claim: Claim, now_ns: int) -> _Body:
     hint = claim.hint
     return {
         "sender": claim.source,
@@ -234,10 +236,10 @@ def _claim(claim: Claim, now_ns: int) -> Body:
     }
 
 
-def _history(stored: StoredHint, clock: Clock) -> list[Body]:
-    steps: list[Body] = []
+def _history(stored: StoredHint, clock: Clock) -> list[_Body]:
+    steps: list[_Body] = []
     for step in stored.history:
-        body: Body = {"at": _iso(step.at_ns, clock), "status": step.status, "cause": step.cause}
+        body: _Body = {"at": _iso(step.at_ns, clock), "status": step.status, "cause": step.cause}
         steps.append({**body, "reason": step.detail} if step.detail else body)
     return steps
 

@@ -24,6 +24,7 @@ COMMANDS: Mapping[str, str] = {
     "demo": "run a gateway with a small simulated fleet",
     "check-config": "check a configuration and show what it means",
 }
+"""Each subcommand with its line in the help; a module in ``commands`` of that name runs it."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

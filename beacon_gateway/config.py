@@ -34,6 +34,7 @@ __all__ = [
     "HttpConfig",
     "Loaded",
     "LogLevel",
+    "Lookup",
     "SourceConfig",
     "default_config",
     "load_config",
@@ -52,6 +53,8 @@ class _Entry(Protocol):
 
 
 class LogLevel(enum.StrEnum):
+    """How grave a message must be to be logged."""
+
     DEBUG = "debug"
     INFO = "info"
     WARNING = "warning"
@@ -121,18 +124,24 @@ class SourceConfig:
 
 @attrs.frozen
 class AreaEntry:
+    """A part of the machine or of the plant that is known beforehand."""
+
     id: str = attrs.field(validator=_id, metadata={"right": "an id"})
     name: str = ""
 
 
 @attrs.frozen
 class ComponentEntry:
+    """A computer, a controller or a device; only what is configured is one, no hint adds any."""
+
     id: str = attrs.field(validator=_id, metadata={"right": "an id"})
     name: str = ""
 
 
 @attrs.frozen
 class AppEntry:
+    """An app that is listed whether or not it is ever heard; ``component_id`` is its host."""
+
     id: str = attrs.field(validator=_id, metadata={"right": "an id"})
     name: str = ""
     component_id: str = attrs.field(default="", validator=_id_or_empty)
@@ -140,6 +149,8 @@ class AppEntry:
 
 @attrs.frozen
 class FunctionEntry:
+    """Something the machine can do; ``hosts`` are the ids that take part whatever hints say."""
+
     id: str = attrs.field(validator=_id, metadata={"right": "an id"})
     name: str = ""
     hosts: tuple[str, ...] = attrs.field(default=(), validator=_ids)

@@ -13,7 +13,7 @@ from beacon_gateway.views import Beacon, View
 
 __all__ = ["Directory", "Found", "Kind"]
 
-NEW_APP_SOURCE = "beacon"
+_NEW_APP_SOURCE = "beacon"
 """The ``source`` of an app that nobody but its own hint told of."""
 
 
@@ -113,5 +113,5 @@ class Directory:
         if not self._allow_new_entities or (beacon := self.beacon(entity_id)) is None:
             return None
         hint = beacon.stored.hint
-        app = App(entity_id, hint.display_name, hint.component_id, source=NEW_APP_SOURCE)
+        app = App(entity_id, hint.display_name, hint.component_id, source=_NEW_APP_SOURCE)
         return Found(app, beacon)

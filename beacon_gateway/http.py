@@ -24,13 +24,13 @@ from beacon_gateway.gateway import Gateway
 
 __all__ = ["make_app"]
 
-Handler = Callable[[Request], Response]
+_Handler = Callable[[Request], Response]
 
 
 def make_app(gateway: Gateway) -> Starlette:
     """The interface of one gateway, which the caller starts and closes."""
     api = _Api(gateway)
-    routes: dict[str, Handler] = {
+    routes: dict[str, _Handler] = {
         "/health": api.health,
         "/version-info": api.version_info,
         "/apps": api.apps,
@@ -56,7 +56,7 @@ def make_app(gateway: Gateway) -> Starlette:
     return app
 
 
-class JsonResponse(Response):
+class _JsonResponse(Response):
     """JSON that can always be sent: half a surrogate pair becomes a question mark."""
 
     media_type = "application/json"
@@ -73,16 +73,16 @@ class _Api:
         self._clock = gateway.clock
 
     def health(self, _: Request) -> Response:
-        return JsonResponse(bodies.health(self._gateway))
+        return _JsonResponse(bodies.health(self._gateway))
 
     def version_info(self, _: Request) -> Response:
-        return JsonResponse(bodies.version_info(self._gateway.config.vendor_name))
+        return _JsonResponse(bodies.version_info(self._gateway.config.vendor_name))
 
     def apps(self, _: Request) -> Response:
-        return JsonResponse(bodies.items(self._directory.apps(), self._clock))
+        return _JsonResponse(bodies.items(self._directory.apps(), self._clock))
 
     def components(self, _: Request) -> Response:
-        return JsonResponse(bodies.items(self._directory.components(), self._clock))
+        return _JsonResponse(bodies.items(self._directory.components(), self._clock))
 
     def app(self, request: Request) -> Response:
         return self._detail(request, Kind.APP)
@@ -101,7 +101,7 @@ class _Api:
         http_errors.check_id(entity_id)
         found = self._find(entity_id, kind)
         if found is not None:
-            return JsonResponse(bodies.detail(found, self._clock))
+            return _JsonResponse(bodies.detail(found, self._clock))
         actual = self._directory.kind(entity_id)
         if actual is None:
             raise http_errors.entity_not_found(entity_id)
@@ -119,7 +119,7 @@ class _Api:
             raise http_errors.beacon_not_found({"entity_id": entity_id})
         if beacon.status is Status.LEFT:
             raise http_errors.beacon_not_found(bodies.left_parameters(beacon, self._clock))
-        return JsonResponse(bodies.vendor_beacon(beacon, self._clock))
+        return _JsonResponse(bodies.vendor_beacon(beacon, self._clock))
 
     def _find(self, entity_id: str, kind: Kind) -> Found | None:
         directory = self._directory
@@ -128,7 +128,7 @@ class _Api:
 
 def _refuse(_: Request, error: Exception) -> Response:
     assert isinstance(error, http_errors.ApiError)  # noqa: S101 - Starlette's contract
-    return JsonResponse(error.body(), error.status)
+    return _JsonResponse(error.body(), error.status)
 
 
 def _unknown(request: Request, _: Exception) -> Response:

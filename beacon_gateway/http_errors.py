@@ -25,7 +25,7 @@ __all__ = [
     "wrong_type",
 ]
 
-MAX_ID_CHARS = 256
+_MAX_ID_CHARS = 256
 _VENDOR_PREFIX = "x-medkit-"
 
 
@@ -110,8 +110,8 @@ def beacon_not_found(parameters: Mapping[str, object]) -> ApiError:
 
 def _id_fault(entity_id: str) -> str:
     """What is wrong with an id, in the words of ros2_medkit."""
-    if len(entity_id.encode(errors="replace")) > MAX_ID_CHARS:
-        return f"Entity ID too long (max {MAX_ID_CHARS} characters)"
+    if len(entity_id.encode(errors="replace")) > _MAX_ID_CHARS:
+        return f"Entity ID too long (max {_MAX_ID_CHARS} characters)"
     # Bytes, as there: of a character that takes several the first one is shown.
     bad = next(byte for byte in entity_id.encode(errors="replace") if not is_valid_id(chr(byte)))
     char = chr(bad) if 0x20 <= bad < 0x7F else f"0x{bad:02x}"

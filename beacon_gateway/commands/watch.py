@@ -23,7 +23,7 @@ __all__ = ["parser", "run"]
 _FRAME_ROWS = 6
 """Lines of the screen that are not entities."""
 
-Display = Callable[[list[Item], float | None], None]
+_Display = Callable[[list[Item], float | None], None]
 """Shows the entities, and for how many seconds the gateway has not answered."""
 
 
@@ -64,7 +64,7 @@ def _once(items: list[Item], *, as_json: bool) -> None:
 
 
 def _follow(
-    client: GatewayClient, items: list[Item], display: Display, interval_s: float
+    client: GatewayClient, items: list[Item], display: _Display, interval_s: float
 ) -> NoReturn:
     lost_at: float | None = None
     while True:
@@ -78,7 +78,7 @@ def _follow(
 
 
 @contextmanager
-def _display(url: str, *, as_json: bool) -> Iterator[Display]:
+def _display(url: str, *, as_json: bool) -> Iterator[_Display]:
     out = console()
     if as_json:
         yield _json_lines

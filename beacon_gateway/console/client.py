@@ -13,7 +13,9 @@ from beacon_gateway.console.exits import Exit, Fault
 __all__ = ["DEFAULT_URL", "Answer", "GatewayClient", "Unreachable"]
 
 DEFAULT_URL = "http://127.0.0.1:8080"
-API_BASE = "/api/v1"
+"""Where ``beacon run`` listens unless told otherwise."""
+
+_API_BASE = "/api/v1"
 
 _TIMEOUT_S = 5.0
 
@@ -46,7 +48,7 @@ class GatewayClient:
         """``url`` as printed by ``beacon run``; the scheme and the API's path may be left out."""
         self.url = _base(url)
         try:
-            self._client = httpx.Client(base_url=self.url + API_BASE, timeout=_TIMEOUT_S)
+            self._client = httpx.Client(base_url=self.url + _API_BASE, timeout=_TIMEOUT_S)
         except (httpx.InvalidURL, ValueError) as error:
             raise Fault(f"--url {url}: not an address: {error}", Exit.USAGE) from error
 
@@ -83,7 +85,7 @@ class GatewayClient:
         for path in ("/apps", "/components"):
             answer = self.get(path)
             if not answer.ok:
-                raise Unreachable(f"{self.url} answered {answer.status} for {API_BASE}{path}")
+                raise Unreachable(f"{self.url} answered {answer.status} for {_API_BASE}{path}")
             found += answer.body.get("items", [])
         return found
 
@@ -106,4 +108,4 @@ class GatewayClient:
 
 def _base(url: str) -> str:
     with_scheme = url if "://" in url else f"http://{url}"
-    return with_scheme.rstrip("/").removesuffix(API_BASE)
+    return with_scheme.rstrip("/").removesuffix(_API_BASE)

@@ -8,6 +8,8 @@ __all__ = ["EXIT_CODES", "Exit", "Fault"]
 
 
 class Exit(enum.IntEnum):
+    """The exit codes; ``EXIT_CODES`` says when each is used."""
+
     OK = 0
     FAILED = 1
     USAGE = 2

@@ -11,9 +11,10 @@ from rich.text import Text
 
 from beacon_gateway.console.terminal import STATUS_STYLES, cell, duration
 
-__all__ = ["by_attention", "entity_table", "summary"]
+__all__ = ["Item", "by_attention", "entity_table", "summary"]
 
 Item = Mapping[str, Any]
+"""One entity as the gateway lists it: an element of ``items`` in the answer."""
 
 _HEADINGS = ("ENTITY", "STATUS", "AGE", "NAME", "COMPONENT", "PROCESS", "SOURCE", "NOTE")
 _NEVER_CUT = {"STATUS": len("conflict"), "AGE": len("59 min")}

@@ -17,6 +17,7 @@ STATUS_STYLES: Mapping[str, str] = {
     "left": "dim",
     "conflict": "bold red",
 }
+"""How rich shows each status that an entity with a beacon can have."""
 
 _PLAIN_WIDTH = 160
 """Columns where there is no terminal to ask: wide enough that nothing is cut in a file or pipe."""

@@ -46,3 +46,4 @@ ADAPTER = Adapter(
     source=_source,
     announcer=_announcer,
 )
+"""Chosen in a configuration as ``zenoh``."""

@@ -16,9 +16,9 @@ from beacon_zenoh.options import DEFAULT_ENDPOINT, Mode, TlsOptions, ZenohOption
 
 __all__ = ["SessionConfig", "reason", "session_config"]
 
-Document = dict[str, Any]
+_Document = dict[str, Any]
 
-_DEFAULTS: Document = {
+_DEFAULTS: _Document = {
     # Multicast takes minutes to find somebody, and then it may be a stranger. Without it there is
     # nothing to wait for; a router would wait 500 ms before it listens.
     "scouting": {"multicast": {"enabled": False}, "delay": 0},
@@ -105,9 +105,9 @@ def reason(error: Exception) -> str:
     return _SOURCE_PLACE.sub("", str(error)).strip().rstrip(".")
 
 
-def _named(options: ZenohOptions) -> Document:
+def _named(options: ZenohOptions) -> _Document:
     """The options that have names of their own, where Zenoh keeps them."""
-    document: Document = {}
+    document: _Document = {}
     if options.mode is not None:
         document["mode"] = options.mode
     for name in ("connect", "listen"):
@@ -125,8 +125,8 @@ def _named(options: ZenohOptions) -> Document:
     return document
 
 
-def _tls(tls: TlsOptions) -> Document:
-    document: Document = {"root_ca_certificate": tls.ca} if tls.ca else {}
+def _tls(tls: TlsOptions) -> _Document:
+    document: _Document = {"root_ca_certificate": tls.ca} if tls.ca else {}
     if tls.certificate:
         for side in ("listen", "connect"):
             document[f"{side}_certificate"] = tls.certificate
@@ -138,7 +138,7 @@ def _tls(tls: TlsOptions) -> Document:
     return document
 
 
-def _endpoints(document: Document, mode: Mode) -> Document:
+def _endpoints(document: _Document, mode: Mode) -> _Document:
     """The document with somewhere to connect or listen: Zenoh's own default is everywhere."""
     connect = _for_mode(document.get("connect", {}).get("endpoints"), mode)
     listen = _for_mode(document.get("listen", {}).get("endpoints"), mode)
@@ -159,7 +159,7 @@ def _for_mode(endpoints: Any, mode: Mode) -> tuple[str, ...]:
     return tuple(str(one) for one in endpoints) if isinstance(endpoints, list | tuple) else ()
 
 
-def _inline(config: Mapping[str, Any]) -> Document:
+def _inline(config: Mapping[str, Any]) -> _Document:
     try:
         zenoh.Config.from_json5(json.dumps(config))
     except (TypeError, ValueError) as error:
@@ -169,7 +169,7 @@ def _inline(config: Mapping[str, Any]) -> Document:
     return dict(config)
 
 
-def _file(path: str) -> Document:
+def _file(path: str) -> _Document:
     if not path:
         return {}
     try:
@@ -192,7 +192,7 @@ def _file(path: str) -> Document:
     return document
 
 
-def _check_files(document: Document) -> None:
+def _check_files(document: _Document) -> None:
     for key in _FILES:
         value: Any = document
         for step in key.split("/"):
@@ -207,7 +207,7 @@ def _check_files(document: Document) -> None:
             ) from error
 
 
-def _merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> Document:
+def _merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> _Document:
     """Both documents; where they differ, ``above`` holds. ``None`` is "not given", as for Zenoh."""
     result = dict(below)
     for key, value in above.items():

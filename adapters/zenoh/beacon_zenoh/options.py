@@ -13,6 +13,7 @@ from beacon_core.errors import ConfigError
 __all__ = ["DEFAULT_ENDPOINT", "Mode", "TlsOptions", "ZenohOptions"]
 
 Mode = Literal["router", "client", "peer"]
+"""What a session is on the network. A client only connects; the other two can listen, too."""
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 """Zenoh's usual port, and this machine only: to open it to a network is a decision."""

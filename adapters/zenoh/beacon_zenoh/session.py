@@ -34,7 +34,7 @@ from beacon_core.errors import ConfigError, UsageError
 from beacon_core.ports.health import Condition, Health
 from beacon_zenoh.config import SessionConfig, reason
 
-__all__ = ["CLOSE_WITHIN_S", "SessionKeeper"]
+__all__ = ["CLOSE_WITHIN_S", "STALLED_AFTER_S", "WATCH_EVERY_S", "SessionKeeper"]
 
 _log = logging.getLogger(__name__)
 

@@ -24,6 +24,7 @@ Envelope = tuple[str, int, int]
 """Incarnation, sequence, stamp in nanoseconds: a bare tuple, because one is made per message."""
 
 NO_ENVELOPE: Envelope = ("", 0, 0)
+"""Of a message without an attachment: nothing is given."""
 
 MAX_INCARNATION_LENGTH = 64
 """Twice a UUID in hexadecimal digits."""
