@@ -21,7 +21,7 @@ from beacon_core.claims import Claimant
 from beacon_core.errors import ConfigError
 from beacon_core.hint import BeaconHint
 from beacon_core.lifecycle import Cause, Status, Transition
-from beacon_core.limits import MAX_CLAIMS, hint_bytes
+from beacon_core.limits import HINT_OVERHEAD_BYTES, MAX_CLAIMS, hint_bytes
 from beacon_core.outcome import Verdict
 from beacon_core.record import Record
 from beacon_core.stored import StoredHint
@@ -135,6 +135,12 @@ def test_nobody_in_particular_speaks_for_whoever_holds_the_id(house: House) -> N
     assert (stored.hint.process_id, stored.hint.hostname) == (2, "g")
 
 
+def test_what_many_hints_have_in_common_is_held_once(house: House) -> None:
+    for name in "ab":
+        house.hear(name, hostname="-".join(["robot", "1"]))
+    assert house.get("a").hint.hostname is house.get("b").hint.hostname
+
+
 def test_ids_are_told_apart_by_every_letter(house: House) -> None:
     house.hear("e")
     house.hear("E")
@@ -237,6 +243,17 @@ def test_messages_without_numbers_leave_the_count_alone(house: House) -> None:
     house.hear(sequence=100)
     assert house.hear(incarnation="i", sequence=5) is Verdict.OLDER
     assert house.hear(incarnation="i", sequence=6) is Verdict.REFRESHED
+
+
+def test_numbers_are_counted_also_while_stale_and_beside_a_rival(house: House) -> None:
+    house.hear(incarnation="i", sequence=1)
+    house.wait(100 * S)
+    assert house.hear(incarnation="i", sequence=5, age=TTL) is Verdict.REFRESHED
+    assert house.hear(incarnation="i", sequence=5) is Verdict.OLDER
+    assert house.hear(incarnation="i", sequence=6, hostname="h") is Verdict.CHANGED
+    house.hear(source="s", hostname="g")
+    assert house.hear(incarnation="i", sequence=7) is Verdict.REFRESHED
+    assert house.hear(incarnation="i", sequence=7) is Verdict.OLDER
 
 
 def test_an_incarnation_told_later_is_a_change(house: House) -> None:
@@ -422,6 +439,20 @@ def test_a_successor_that_does_not_fit_leaves_its_predecessor() -> None:
     house.hear(incarnation="i")
     assert house.hear(incarnation="j", display_name="x" * 11) is Verdict.STORE_FULL
     assert house.get().incarnation == "i"
+
+
+def test_words_that_were_counted_by_whoever_read_them_count_as_that_until_merged() -> None:
+    house = House()
+    every_word: dict[str, Any] = attrs.asdict(BENCH_HINT)
+    house.hear(**{"name": every_word.pop("entity_id"), **every_word})
+    message = Claimant(attrs.evolve(BENCH_HINT, display_name="other"), "r", "", 0, house.now, 50)
+    with house.store.lock:
+        house.store.take(message)
+    assert house.store.stats().bytes == HINT_OVERHEAD_BYTES + 50
+    part = Claimant(BeaconHint(BENCH_HINT.entity_id, display_name="A"), "r", "", 0, house.now, 3)
+    with house.store.lock:
+        house.store.take(part)
+    assert house.store.stats().bytes == hint_bytes(attrs.evolve(BENCH_HINT, display_name="A"))
 
 
 def test_a_rival_claim_counts_as_what_it_takes() -> None:
