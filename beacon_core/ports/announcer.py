@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from beacon_core.hint import BeaconHint
+from beacon_core.ports.health import Health
 
 __all__ = ["Announcer"]
 
@@ -34,3 +35,6 @@ class Announcer(Protocol):
 
     def close(self) -> None:
         """Withdraw everything and release the carrier. Idempotent, within 1 s."""
+
+    def health(self) -> Health:
+        """How it is doing; never raises, also while ``close`` is under way and after it."""

@@ -7,7 +7,7 @@ import logging
 import math
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -126,14 +126,12 @@ def _attend(announcer: Announcer, stop: threading.Event, duration_s: float | Non
 
     Returns what ails the carrier in the end, "" if nothing does.
     """
-    # An announcer need not know how it is doing; the port does not ask for it.
-    health: Callable[[], Health] | None = getattr(announcer, "health", None)
     end_s = math.inf if duration_s is None else time.monotonic() + duration_s
     trouble = ""
     while True:
         # First wait, then look: a connection takes a moment.
         ended = wait(stop, max(0.0, min(end_s - time.monotonic(), _LOOK_S)))
-        before, trouble = trouble, _trouble(health()) if health else ""
+        before, trouble = trouble, _trouble(announcer.health())
         if trouble and not before:
             _log.warning("%s", trouble)
         elif before and not trouble:

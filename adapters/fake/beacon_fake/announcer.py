@@ -6,6 +6,7 @@ from functools import partial
 
 from beacon_core.errors import ConfigError, UsageError
 from beacon_core.hint import BeaconHint
+from beacon_core.ports.health import Condition, Health
 from beacon_core.wire import json
 from beacon_fake.message import Kind, Message
 from beacon_fake.network import FakeNetwork
@@ -68,6 +69,14 @@ class FakeAnnouncer:
                 self.withdraw(entity_id)
             self._gone = self._gone or "been closed"
             self._network.leave(self)
+
+    def health(self) -> Health:
+        with self._network.lock:
+            counters = {"entities": len(self._payloads)}
+            if self._gone:
+                return Health(Condition.CLOSED, counters=counters)
+            complaint = self._network.complaint()
+        return Health(Condition.DEGRADED if complaint else Condition.UP, complaint, counters)
 
     def entity_ids(self) -> list[str]:
         """Whom it speaks for, in the order first announced."""

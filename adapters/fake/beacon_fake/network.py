@@ -35,6 +35,9 @@ __all__ = ["ANYBODY", "FakeNetwork"]
 ANYBODY = "*"
 """Stands for every name in :meth:`FakeNetwork.set_link`."""
 
+_OVERDUE_NS = 1_000_000_000
+"""A driver that wakes up once a second is slow; one that has not for longer is missing."""
+
 
 @attrs.define
 class _Connection:
@@ -96,6 +99,13 @@ class FakeNetwork:
         """On the monotonic clock: when the next thing happens; ``None`` if nothing will."""
         with self.lock:
             return self._events.next_due_ns()
+
+    def complaint(self) -> str:
+        """What its nodes must say in their health: one sentence, "" when all is well."""
+        due_ns = self.next_due_ns()
+        if due_ns is not None and self.clock.monotonic_ns() - due_ns > _OVERDUE_NS:
+            return "nobody drives the network: call its deliver_due() in a loop"
+        return ""
 
     def advance(self, ns: int) -> int:
         """Let ``ns`` nanoseconds pass on the ``ManualClock``, and everything happen at its time.

@@ -16,8 +16,6 @@ __all__ = ["FakeSource"]
 _log = logging.getLogger(__name__)
 
 _CLOSE_WITHIN_S = 1.0
-_OVERDUE_NS = 1_000_000_000
-"""A driver that wakes up once a second is slow; one that has not for longer is missing."""
 
 
 class FakeSource:
@@ -93,10 +91,8 @@ class FakeSource:
                 Condition.DEGRADED,
                 f"the sink raised {self._faults} times; the log has the first",
             )
-        due_ns = self._network.next_due_ns()
-        if due_ns is not None and self._network.clock.monotonic_ns() - due_ns > _OVERDUE_NS:
-            return Condition.DEGRADED, "nobody drives the network: call its deliver_due() in a loop"
-        return Condition.UP, ""
+        complaint = self._network.complaint()
+        return (Condition.DEGRADED if complaint else Condition.UP), complaint
 
 
 def _hand_in(message: Message, sink: HintSink) -> None:

@@ -17,7 +17,7 @@ import zenoh
 from beacon_core.hint import BeaconHint
 from beacon_core.ports.adapter import Adapter, Malformed
 from beacon_core.ports.announcer import Announcer
-from beacon_core.ports.health import Condition
+from beacon_core.ports.health import Condition, Health
 from beacon_core.ports.source import HintSource
 from beacon_core.testing.harness import RealTimeHarness
 from beacon_core.wire import json as wire
@@ -144,6 +144,10 @@ class ProcessAnnouncer:
 
     def close(self) -> None:
         self.end(signal.SIGINT)
+
+    def health(self) -> Health:
+        """Of the process alone: how its connection is doing is not told here."""
+        return Health(Condition.UP if self.process.poll() is None else Condition.CLOSED)
 
     def end(self, number: signal.Signals | None) -> int:
         """Send the signal (``None``: let it run off its end, without ``close``), and wait.

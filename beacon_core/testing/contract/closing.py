@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import attrs
 import cattrs
@@ -177,41 +179,48 @@ class ClosingChecks(ContractBase):
 
     def test_health_never_raises_whatever_else_is_going_on(self, harness: Harness) -> None:
         listener = Listener(harness)
-        seen: list[Health] = []
-        failures: list[Exception] = []
-        done = threading.Event()
+        with _asked_all_the_time(listener.source.health) as ask:
+            ask()
+            listener.start()
+            ask()
+            harness.announcer().announce(hint("engine"))
+            self.active(harness, listener, "engine")
+            listener.source.close()
+            ask()
 
-        def ask() -> None:
-            try:
-                seen.append(listener.source.health())
-            except Exception as failure:  # noqa: BLE001 - it is shown below
-                failures.append(failure)
+    def test_an_announcers_health_while_up_and_after_close(self, harness: Harness) -> None:
+        Listener(harness).start()
+        announcer = harness.announcer()
+        self.eventually(
+            harness, lambda: announcer.health().condition is Condition.UP, "the announcer is up"
+        )
+        assert not announcer.health().detail
+        announcer.close()
+        assert announcer.health().condition is Condition.CLOSED
 
-        def keep_asking() -> None:
-            while not done.is_set():
-                ask()
-
-        asking = threading.Thread(target=keep_asking, daemon=True)
-        asking.start()
-        ask()
-        listener.start()
-        ask()
-        harness.announcer().announce(hint("engine"))
-        self.active(harness, listener, "engine")
-        listener.source.close()
-        ask()
-        done.set()
-        within(CLOSE_WITHIN_S, asking.join)
-        assert not failures
-        assert len(seen) >= 3
+    def test_an_announcers_health_never_raises_whatever_else_is_going_on(
+        self, harness: Harness
+    ) -> None:
+        listener = Listener(harness).start()
+        announcer = harness.announcer(period_s=0.01)
+        with _asked_all_the_time(announcer.health) as ask:
+            ask()
+            announcer.announce(hint("engine"))
+            announcer.announce(hint("brake"))
+            self.active(harness, listener, "engine", "brake")
+            announcer.withdraw("engine")
+            ask()
+            announcer.close()
+            ask()
 
     def test_health_counters_have_names_in_kebab_case(self, harness: Harness) -> None:
-        listener = Listener(harness).start()
-        harness.announcer().announce(hint("engine"))
+        listener, announcer = Listener(harness).start(), harness.announcer()
+        announcer.announce(hint("engine"))
         self.active(harness, listener, "engine")
-        for name, value in listener.source.health().counters.items():
-            assert re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name)
-            assert isinstance(value, int)
+        for health in (listener.source.health(), announcer.health()):
+            for name, value in health.counters.items():
+                assert re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name)
+                assert isinstance(value, int)
 
     # Options
 
@@ -234,3 +243,26 @@ class ClosingChecks(ContractBase):
             with pytest.raises(ConfigError) as refusal:
                 harness.adapter.options(**bad)
             assert any(key in str(refusal.value) for key in bad)
+
+
+@contextmanager
+def _asked_all_the_time(health: Callable[[], Health]) -> Iterator[Callable[[], Health]]:
+    """Within, a thread asks without a pause, and the block may ask too; nothing may be raised."""
+    failures: list[Exception] = []
+    done = threading.Event()
+
+    def keep_asking() -> None:
+        try:
+            while not done.is_set():
+                health()
+        except Exception as failure:  # noqa: BLE001 - it is shown below
+            failures.append(failure)
+
+    asking = threading.Thread(target=keep_asking, daemon=True)
+    asking.start()
+    try:
+        yield health
+    finally:
+        done.set()
+    within(CLOSE_WITHIN_S, asking.join)
+    assert not failures

@@ -7,6 +7,7 @@ import pytest
 from beacon_core.clock import ManualClock
 from beacon_core.errors import ConfigError, UsageError
 from beacon_core.hint import BeaconHint
+from beacon_core.ports.health import Condition
 from beacon_core.testing.harness import Tap
 from beacon_fake import FakeAnnouncer, FakeNetwork, FakeSource, Link
 
@@ -152,3 +153,35 @@ def test_what_was_said_before_the_close_still_arrives(network: FakeNetwork, tap:
     announcer.close()
     assert network.run_until_idle() == 2
     assert [call.kind for call in tap.calls] == ["offer", "goodbye"]
+
+
+def test_health_counts_whom_it_speaks_for_until_it_is_closed(network: FakeNetwork) -> None:
+    announcer = FakeAnnouncer(network)
+    for entity in ("a", "b", "a"):
+        announcer.announce(BeaconHint(entity))
+    announcer.withdraw("b")
+    assert announcer.health().condition is Condition.UP
+    assert announcer.health().counters == {"entities": 1}
+    announcer.close()
+    assert announcer.health().condition is Condition.CLOSED
+    assert announcer.health().counters == {"entities": 0}
+
+
+def test_a_crashed_announcer_is_closed(network: FakeNetwork) -> None:
+    announcer = FakeAnnouncer(network, "robot")
+    network.crash("robot")
+    assert announcer.health().condition is Condition.CLOSED
+
+
+def test_health_says_so_when_nobody_drives_the_network(
+    network: FakeNetwork, clock: ManualClock
+) -> None:
+    announcer = FakeAnnouncer(network)
+    announcer.announce(BeaconHint("a"))
+    clock.advance(3 * SECOND_NS)
+    health = announcer.health()
+    assert health.condition is Condition.DEGRADED
+    assert "deliver_due" in health.detail
+    network.deliver_due()
+    assert announcer.health().condition is Condition.UP
+    assert not announcer.health().detail

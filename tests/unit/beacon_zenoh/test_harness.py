@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import signal
 from collections.abc import Iterator
 
 import pytest
 
 from beacon_core.hint import BeaconHint
+from beacon_core.ports.health import Condition, Health
 from beacon_core.wire import json as wire
 from beacon_zenoh import ADAPTER, ZenohOptions, harness
 
@@ -26,6 +28,9 @@ class Said:
 
     def close(self) -> None:
         self.words.append("close")
+
+    def health(self) -> Health:
+        return Health(Condition.UP)
 
 
 ORDERS = [
@@ -48,6 +53,13 @@ def test_an_interrupted_child_says_goodbye() -> None:
     announcer = Said()
     harness._obey(announcer, orders())
     assert announcer.words == ["announce engine", "close"]
+
+
+def test_a_process_is_up_until_it_has_ended() -> None:
+    announcer = harness.ProcessAnnouncer(ZenohOptions(connect=(harness.free_endpoint(),)))
+    assert announcer.health().condition is Condition.UP
+    announcer.end(signal.SIGKILL)
+    assert announcer.health().condition is Condition.CLOSED
 
 
 def test_a_router_takes_another_port_if_its_own_was_taken_meanwhile(

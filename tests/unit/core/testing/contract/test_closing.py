@@ -10,7 +10,7 @@ import attrs
 import pytest
 
 from beacon_core.hint import BeaconHint
-from beacon_core.ports.health import Health
+from beacon_core.ports.health import Condition, Health
 from beacon_core.ports.sink import HintSink
 from beacon_core.testing.contract.closing import ClosingChecks
 from beacon_core.testing.harness import Harness
@@ -128,6 +128,51 @@ class NamesCountersInItsOwnWay(FakeSource):
         return attrs.evolve(super().health(), counters={"callsSoFar": 1})
 
 
+class AnnouncerNamesCountersInItsOwnWay(FakeAnnouncer):
+    def health(self) -> Health:
+        return attrs.evolve(super().health(), counters={"Entities": 1})
+
+
+class AnnouncerIsNeverUp(FakeAnnouncer):
+    def health(self) -> Health:
+        return Health(Condition.STARTING)
+
+
+class AnnouncerComplainsThoughItIsUp(FakeAnnouncer):
+    def health(self) -> Health:
+        return attrs.evolve(super().health(), detail="all is well")
+
+
+class AnnouncerIsUpForEver(FakeAnnouncer):
+    def health(self) -> Health:
+        return Health(Condition.UP)
+
+
+class HealthNeedsAnOpenAnnouncer(FakeAnnouncer):
+    def health(self) -> Health:
+        if self._gone:
+            raise Broken
+        return super().health()
+
+
+class HealthNeedsAnAnnouncerThatIsNotClosing(FakeAnnouncer):
+    def __init__(self, network: FakeNetwork, *, period_s: float | None = None) -> None:
+        super().__init__(network, period_s=period_s)
+        self.closing, self.asked = threading.Event(), threading.Event()
+
+    def close(self) -> None:
+        self.closing.set()
+        self.asked.wait(0.9)
+        self.closing.clear()
+        super().close()
+
+    def health(self) -> Health:
+        if self.closing.is_set():
+            self.asked.set()
+            raise Broken
+        return super().health()
+
+
 @attrs.frozen
 class CarelessOptions:
     network: object = "default"
@@ -188,6 +233,36 @@ BROKEN: list[tuple[Callable[[], FakeHarness], str, dict[str, Any]]] = [
     (
         lambda: FakeHarness(source=NamesCountersInItsOwnWay),
         "health_counters_have_names_in_kebab_case",
+        {},
+    ),
+    (
+        lambda: FakeHarness(announcer=AnnouncerNamesCountersInItsOwnWay),
+        "health_counters_have_names_in_kebab_case",
+        {},
+    ),
+    (
+        lambda: FakeHarness(announcer=AnnouncerIsNeverUp),
+        "an_announcers_health_while_up_and_after_close",
+        {},
+    ),
+    (
+        lambda: FakeHarness(announcer=AnnouncerComplainsThoughItIsUp),
+        "an_announcers_health_while_up_and_after_close",
+        {},
+    ),
+    (
+        lambda: FakeHarness(announcer=AnnouncerIsUpForEver),
+        "an_announcers_health_while_up_and_after_close",
+        {},
+    ),
+    (
+        lambda: FakeHarness(announcer=HealthNeedsAnOpenAnnouncer),
+        "an_announcers_health_never_raises_whatever_else_is_going_on",
+        {},
+    ),
+    (
+        lambda: FakeHarness(announcer=HealthNeedsAnAnnouncerThatIsNotClosing),
+        "an_announcers_health_never_raises_whatever_else_is_going_on",
         {},
     ),
     (takes_any_option, "an_option_with_a_wrong_value_is_refused_by_name", {}),
