@@ -6,6 +6,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable
+from threading import get_ident
 
 import zenoh
 
@@ -68,12 +69,12 @@ class ZenohSource:
 
     def start(self, sink: HintSink) -> None:
         if self._sink is None:
-            self._sink = sink
+            self._sink, self._offer = sink, sink.offer
         self._keeper.start()
 
     def close(self) -> None:
         began = time.monotonic()
-        inside = self._speaker == threading.get_ident()
+        inside = self._speaker == get_ident()
         # A sink that hangs must not hang us: it finds the gate shut when it is through.
         held = not inside and self._gate.acquire(timeout=CLOSE_WITHIN_S / 2)
         self._closed = True
@@ -149,12 +150,19 @@ class ZenohSource:
             # It was said after we asked, whatever the sender's clock makes of that: so it is later
             # than the loss after which we asked.
             stamp_ns = 0
-        if sample.kind == _PUT:
-            if entity_id in self._awaited:
-                self._roster.heard(Token(entity_id, incarnation))
-            payload = sample.payload.to_bytes()
-            self._tell(
-                lambda sink: sink.offer(
+        payload = sample.payload.to_bytes()
+        # Only what is empty can be a goodbye; asking for the kind costs as much as the payload.
+        if not payload and sample.kind != _PUT:
+            self._goodbye(entity_id, incarnation, sequence)
+            return
+        if entity_id in self._awaited:
+            self._roster.heard(Token(entity_id, incarnation))
+        with self._gate:
+            if self._closed:
+                return
+            self._speaker = get_ident()
+            try:
+                self._offer(
                     payload,
                     entity_id,
                     entity_id=entity_id,
@@ -162,14 +170,18 @@ class ZenohSource:
                     incarnation=incarnation,
                     sequence=sequence,
                 )
+            except Exception:  # noqa: BLE001
+                self._sink_raised()
+            finally:
+                self._speaker = 0
+
+    def _goodbye(self, entity_id: str, incarnation: str, sequence: int) -> None:
+        self._roster.left(Token(entity_id, incarnation))
+        self._tell(
+            lambda sink: sink.goodbye(
+                entity_id, entity_id, incarnation=incarnation, sequence=sequence
             )
-        else:
-            self._roster.left(Token(entity_id, incarnation))
-            self._tell(
-                lambda sink: sink.goodbye(
-                    entity_id, entity_id, incarnation=incarnation, sequence=sequence
-                )
-            )
+        )
 
     def _lose(self, token: Token) -> None:
         why = "its connection ended without a goodbye"
@@ -182,19 +194,22 @@ class ZenohSource:
         )
 
     def _tell(self, what: Callable[[HintSink], object]) -> None:
-        """Call the sink, unless we are closed."""
+        """Call the sink, unless we are closed. For what is rare: hints go without the detour."""
         with self._gate:
             if self._closed or self._sink is None:
                 return
-            self._speaker = threading.get_ident()
+            self._speaker = get_ident()
             try:
                 what(self._sink)
             except Exception:  # noqa: BLE001
-                # Sinks do not raise; one that does must not cost the messages of others.
-                self._count("sink-errors")
-                _log.exception("the sink raised")
+                self._sink_raised()
             finally:
                 self._speaker = 0
+
+    def _sink_raised(self) -> None:
+        """Sinks do not raise; one that does must not cost the messages of others."""
+        self._count("sink-errors")
+        _log.exception("the sink raised")
 
     def _count(self, what: str) -> None:
         with self._counting:
