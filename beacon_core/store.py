@@ -17,7 +17,6 @@ id is refused. A known id is always refreshed.
 from __future__ import annotations
 
 import threading
-from itertools import takewhile
 
 from beacon_core.checks import at_least_one, nanoseconds
 from beacon_core.claims import (
@@ -33,26 +32,15 @@ from beacon_core.claims import (
     remembered,
     repeats,
     same_claimant,
-    succession,
     tombstone,
-    visible,
 )
 from beacon_core.clock import Clock
-from beacon_core.deadlines import DeadlineQueue
 from beacon_core.hint import BeaconHint
-from beacon_core.lifecycle import Cause, Status, Transition, transition
-from beacon_core.limits import (
-    MAX_CLAIMS,
-    MAX_HINTS,
-    MAX_POOLED,
-    MAX_REMOVED,
-    MAX_STORE_BYTES,
-    hint_bytes,
-)
+from beacon_core.lifecycle import Cause, Status, transition
+from beacon_core.limits import MAX_CLAIMS, MAX_HINTS, MAX_STORE_BYTES, hint_bytes
 from beacon_core.outcome import Verdict
-from beacon_core.pool import Pool
 from beacon_core.record import Record, merge
-from beacon_core.removals import Removals
+from beacon_core.register import Register
 from beacon_core.room import Room
 from beacon_core.stored import Changes, StoredHint, StoreStats
 
@@ -60,7 +48,6 @@ __all__ = ["HintStore"]
 
 _ACTIVE, _STALE, _LEFT = Status.ACTIVE, Status.STALE, Status.LEFT
 _HELD = frozenset({Verdict.NEW, Verdict.CHANGED, Verdict.REFRESHED})
-_FOREVER_NS = 2**63
 
 
 class HintStore:
@@ -88,21 +75,14 @@ class HintStore:
         self.expiry_ns = nanoseconds("expiry_s", expiry_s)
         if expiry_s <= ttl_s:
             self.expiry_ns = nanoseconds("10 x ttl_s", 10 * ttl_s)
-        self._room = Room(
-            at_least_one("max_hints", max_hints), at_least_one("max_bytes", max_bytes)
+        room = Room(at_least_one("max_hints", max_hints), at_least_one("max_bytes", max_bytes))
+        self._book = Register(
+            clock.monotonic_ns(), ttl_ns=self.ttl_ns, expiry_ns=self.expiry_ns, room=room
         )
+        self._buried = 0
         self.lock = threading.Lock()
-        """Held by each method while it works, and by whoever calls :meth:`refresh`."""
-        self._now_ns = clock.monotonic_ns()
-        # In the order of the last change: that is what changes_since reads, from the end.
-        self._records: dict[str, Record] = {}
-        self._due: DeadlineQueue[Record] = DeadlineQueue(self.ttl_ns, self._deadline_ns)
-        self._next_due_ns = _FOREVER_NS
-        self._removals = Removals(MAX_REMOVED)
-        self._pool = Pool(MAX_POOLED)
-        self._revision = 0
-        self._conflicts = 0
-        self._expired = self._displaced = self._refused = self._restarts = self._buried = 0
+        """Held by each method while it works, and by whoever calls :meth:`take` and
+        :meth:`refresh`."""
 
     def update(
         self,
@@ -139,11 +119,12 @@ class HintStore:
         """
         # Read under the lock, so that whoever comes second is not earlier.
         now_ns = self.clock.monotonic_ns()
-        if now_ns >= self._next_due_ns:
-            self._settle(now_ns)
+        book = self._book
+        if now_ns >= book.next_due_ns:
+            book.settle(now_ns)
         if arrived or message.last_seen_ns > now_ns:
             message.last_seen_ns = now_ns
-        record = self._records.get(message.hint.entity_id)
+        record = book.records.get(message.hint.entity_id)
         if message.sequence and record is not None and follows(message, record):
             # Readings of two clocks jitter, and a wall clock may be set back: numbers do not.
             message.last_seen_ns = max(message.last_seen_ns, record.last_seen_ns)
@@ -174,8 +155,9 @@ class HintStore:
 
         Thread rule: the caller holds ``self.lock``.
         """
-        if now_ns >= self._next_due_ns:
-            self._settle(now_ns)
+        book = self._book
+        if now_ns >= book.next_due_ns:
+            book.settle(now_ns)
         if record.revision != version or sent_ns < record.last_seen_ns:
             return False
         if sequence:
@@ -185,7 +167,7 @@ class HintStore:
         record.last_seen_ns = sent_ns
         # Nearly always the deadline stays in its slot: then there is nothing to re-file.
         if sent_ns + self.ttl_ns >= record.slot_end_ns:
-            self._due.schedule(record, sent_ns + self.ttl_ns)
+            book.due.schedule(record, sent_ns + self.ttl_ns)
         return True
 
     def goodbye(
@@ -210,27 +192,27 @@ class HintStore:
         """Forget one entity, or all with ``None``; returns how many there were."""
         now_ns = self.clock.monotonic_ns()
         with self.lock:
-            self._settle(now_ns)
-            ids = list(self._records) if entity_id is None else [entity_id]
-            records = [self._records[one] for one in ids if one in self._records]
+            self._book.settle(now_ns)
+            ids = list(self._book.records) if entity_id is None else [entity_id]
+            records = [self._book.records[one] for one in ids if one in self._book.records]
             for record in records:
-                self._remove(record, Cause.FORGOTTEN)
+                self._book.remove(record, Cause.FORGOTTEN)
             return len(records)
 
     def get(self, entity_id: str) -> StoredHint | None:
         """The entity as it is now; it may be LEFT, and is never an expired one."""
         now_ns = self.clock.monotonic_ns()
         with self.lock:
-            self._settle(now_ns)
-            record = self._records.get(entity_id)
+            self._book.settle(now_ns)
+            record = self._book.records.get(entity_id)
             return None if record is None else record.given_out()
 
     def last_seen_ns(self, entity_id: str) -> int | None:
         """When it was last heard, on the monotonic clock."""
         now_ns = self.clock.monotonic_ns()
         with self.lock:
-            self._settle(now_ns)
-            record = self._records.get(entity_id)
+            self._book.settle(now_ns)
+            record = self._book.records.get(entity_id)
             return None if record is None else record.last_seen_ns
 
     def snapshot(self) -> list[StoredHint]:
@@ -240,8 +222,10 @@ class HintStore:
         """
         now_ns = self.clock.monotonic_ns()
         with self.lock:
-            self._settle(now_ns)
-            return [one.given_out() for one in self._records.values() if one.status is not _LEFT]
+            self._book.settle(now_ns)
+            return [
+                one.given_out() for one in self._book.records.values() if one.status is not _LEFT
+            ]
 
     def changes_since(self, revision: int) -> Changes:
         """What has changed after ``revision``; 0 asks for everything.
@@ -251,15 +235,8 @@ class HintStore:
         """
         now_ns = self.clock.monotonic_ns()
         with self.lock:
-            self._settle(now_ns)
-            too_old = revision != 0 and not self._removals.floor <= revision <= self._revision
-            complete = too_old or revision == 0
-            since = 0 if complete else revision
-            latest_first = reversed(self._records.values())
-            changed = list(takewhile(lambda one: one.revision > since, latest_first))
-            gone = () if complete else self._removals.since(since, self._records)
-            hints = tuple(record.given_out() for record in reversed(changed))
-            return Changes(self._revision, hints, gone, complete, too_old)
+            self._book.settle(now_ns)
+            return self._book.changes(revision)
 
     def sweep(self) -> int:
         """Settle what is due; returns how many changes that made.
@@ -268,9 +245,9 @@ class HintStore:
         """
         now_ns = self.clock.monotonic_ns()
         with self.lock:
-            before = self._revision
-            self._settle(now_ns)
-            return self._revision - before
+            before = self._book.revision
+            self._book.settle(now_ns)
+            return self._book.revision - before
 
     def next_deadline_ns(self) -> int | None:
         """When to ``sweep`` next, on the monotonic clock; ``None``: there is nothing to wait for.
@@ -278,7 +255,7 @@ class HintStore:
         Never after the next thing is due, and at most a sixteenth of ``ttl`` before it.
         """
         with self.lock:
-            return self._due.next_deadline_ns()
+            return self._book.due.next_deadline_ns()
 
     @property
     def revision(self) -> int:
@@ -286,7 +263,7 @@ class HintStore:
 
         It is read as it is: what time has changed counts when it is settled.
         """
-        return self._revision
+        return self._book.revision
 
     def size(self) -> int:
         """How many are ACTIVE or STALE."""
@@ -297,37 +274,30 @@ class HintStore:
         """All counts, at one moment."""
         now_ns = self.clock.monotonic_ns()
         with self.lock:
-            self._settle(now_ns)
+            self._book.settle(now_ns)
             return StoreStats(
-                active=self._room.count[_ACTIVE],
-                stale=self._room.count[_STALE],
-                left=self._room.count[_LEFT],
-                conflicts=self._conflicts,
-                bytes=self._room.total_bytes,
-                revision=self._revision,
-                expired=self._expired,
-                displaced=self._displaced,
-                refused=self._refused,
-                restarts=self._restarts,
+                active=self._book.room.count[_ACTIVE],
+                stale=self._book.room.count[_STALE],
+                left=self._book.room.count[_LEFT],
+                conflicts=self._book.conflicts,
+                bytes=self._book.room.total_bytes,
+                revision=self._book.revision,
+                expired=self._book.expired,
+                displaced=self._book.displaced,
+                refused=self._book.refused,
+                restarts=self._book.restarts,
                 buried=self._buried,
             )
 
-    # -- one message, by the state it meets ------------------------------------------------------
-
     def _begin(self, message: Claimant, now_ns: int) -> tuple[Verdict, Record | None]:
-        cause = self._cause_of_hearing(message.last_seen_ns, now_ns)
+        cause = self._book.cause_of_hearing(message.last_seen_ns, now_ns)
         if cause is None:
             return Verdict.OLDER, None
-        message.hint = self._pool.share(message.hint)
+        message.hint = self._book.pool.share(message.hint)
         record = Record(message, transition(Status.EXPIRED, cause), cause)
-        if not self._make_room(count=1, size=record.size):
+        if not self._book.make_room(count=1, size=record.size):
             return Verdict.STORE_FULL, None
-        self._records[record.entity_id] = record
-        self._room.enter(record)
-        self._changed(record)
-        if record.status is _STALE:
-            self._offer_room(record)
-        self._file(record)
+        self._book.begin(record)
         return Verdict.NEW, record
 
     def _heard(self, record: Record, message: Claimant, now_ns: int) -> Verdict:
@@ -336,22 +306,22 @@ class HintStore:
             return Verdict.OLDER
         if record.status is _ACTIVE and not record.rivals:
             if message.sequence or message.incarnation:
-                self._count(record, message)
+                self._book.count(record, message)
             record.last_seen_ns = sent_ns
             if sent_ns + self.ttl_ns >= record.slot_end_ns:
-                self._due.schedule(record, sent_ns + self.ttl_ns)
+                self._book.due.schedule(record, sent_ns + self.ttl_ns)
             return self._merge(record, message)
         if record.cause is Cause.LOST and sent_ns < record.history[-1].at_ns:
             return Verdict.OLDER
-        cause = self._cause_of_hearing(sent_ns, now_ns)
-        self._count(record, message)
+        cause = self._book.cause_of_hearing(sent_ns, now_ns)
+        self._book.count(record, message)
         record.last_seen_ns = sent_ns
         if record.status is _STALE:
             if cause is Cause.HEARD:
-                self._go(record, cause, now_ns)
+                self._book.go(record, cause, now_ns)
             else:
-                self._offer_room(record)
-        self._file(record)
+                self._book.offer_room(record)
+        self._book.file(record)
         return self._merge(record, message)
 
     def _merge(self, record: Record, message: Claimant) -> Verdict:
@@ -362,9 +332,9 @@ class HintStore:
         if record.rivals:
             size += claimed_bytes(record.rivals)
         growth = size - record.size
-        if growth > 0 and not self._make_room(count=0, size=growth, grower=record):
+        if growth > 0 and not self._book.make_room(count=0, size=growth, grower=record):
             return Verdict.STORE_FULL
-        self._set_hint(record, merged, size)
+        self._book.set_hint(record, merged, size)
         return Verdict.CHANGED
 
     def _heard_other(self, record: Record, message: Claimant, now_ns: int) -> Verdict:
@@ -400,15 +370,15 @@ class HintStore:
         others.sort(key=last_seen)
         rivals = (*others[-(MAX_CLAIMS - 2) :], message)
         growth = claimed_bytes(rivals) - claimed_bytes(record.rivals)
-        if not self._make_room(count=0, size=growth, grower=record):
+        if not self._book.make_room(count=0, size=growth, grower=record):
             return Verdict.STORE_FULL
-        self._set_rivals(record, rivals)
-        self._file(record)
+        self._book.set_rivals(record, rivals)
+        self._book.file(record)
         return Verdict.CONTENDED
 
     def _succeed(self, record: Record, message: Claimant, now_ns: int) -> Verdict:
         """Another process takes over the id, or the same one comes back after its goodbye."""
-        cause = self._cause_of_hearing(message.last_seen_ns, now_ns)
+        cause = self._book.cause_of_hearing(message.last_seen_ns, now_ns)
         if cause is None:
             return Verdict.OLDER
         rivals: tuple[Claimant, ...] = ()
@@ -417,9 +387,9 @@ class HintStore:
             others = sorted(record.rivals, key=last_seen)
             rivals = (*others[-(MAX_CLAIMS - 2) :], remembered(record))
         size = hint_bytes(message.hint) + claimed_bytes(rivals)
-        if not self._make_room(count=0, size=size - record.size, grower=record):
+        if not self._book.make_room(count=0, size=size - record.size, grower=record):
             return Verdict.STORE_FULL
-        self._hand_over(record, message, cause, now_ns, rivals)
+        self._book.hand_over(record, message, cause, now_ns, rivals)
         return Verdict.CHANGED
 
     def _depart(
@@ -428,8 +398,8 @@ class HintStore:
         now_ns = self.clock.monotonic_ns()
         entity_id, source, incarnation, sequence = leaving
         with self.lock:
-            now_ns = self._settle(now_ns)
-            record = self._records.get(entity_id)
+            now_ns = self._book.settle(now_ns)
+            record = self._book.records.get(entity_id)
             if record is None:
                 return Verdict.UNKNOWN
             speaker = Claimant(BeaconHint(entity_id), source, incarnation, sequence, now_ns)
@@ -437,16 +407,16 @@ class HintStore:
                 return self._rival_departs(record, speaker, cause, verdict)
             if record.status is _LEFT or record.cause is cause or repeats(speaker, record):
                 return Verdict.OLDER
-            self._count(record, speaker)
+            self._book.count(record, speaker)
             heir = freshest_contender(record.rivals)
             if heir is None:
-                self._set_rivals(record, ())
-                self._go(record, cause, now_ns, detail)
-                self._file(record)
+                self._book.set_rivals(record, ())
+                self._book.go(record, cause, now_ns, detail)
+                self._book.file(record)
             elif cause is Cause.GOODBYE:
-                self._inherit(record, heir, now_ns, tombstone(record, speaker))
+                self._book.inherit(record, heir, now_ns, tombstone(record, speaker))
             else:
-                self._inherit(record, heir, now_ns)
+                self._book.inherit(record, heir, now_ns)
             return verdict
 
     def _rival_departs(
@@ -460,156 +430,6 @@ class HintStore:
         rivals = tuple(one for one in record.rivals if one is not rival)
         if cause is Cause.GOODBYE:
             rivals = (*rivals, tombstone(rival, speaker))
-        self._set_rivals(record, rivals)
-        self._file(record)
+        self._book.set_rivals(record, rivals)
+        self._book.file(record)
         return verdict
-
-    # -- time ------------------------------------------------------------------------------------
-
-    def _settle(self, now_ns: int) -> int:
-        """Let everything due take effect; returns the time, which never goes back."""
-        self._now_ns = now_ns = max(now_ns, self._now_ns)
-        if now_ns >= self._next_due_ns:
-            while (due := self._due.pop_due(now_ns)) is not None:
-                self._fall_due(due[1], due[0])
-            next_ns = self._due.next_deadline_ns()
-            self._next_due_ns = _FOREVER_NS if next_ns is None else next_ns
-        return now_ns
-
-    def _fall_due(self, record: Record, at_ns: int) -> None:
-        if record.status is not _ACTIVE:
-            self._remove(record, Cause.LAPSED)
-            return
-        living = tuple(one for one in record.rivals if one.last_seen_ns + self.ttl_ns > at_ns)
-        self._set_rivals(record, living)
-        if record.last_seen_ns + self.ttl_ns <= at_ns:
-            heir = freshest_contender(living)
-            if heir is not None:
-                self._inherit(record, heir, at_ns)
-                return
-            self._set_rivals(record, ())
-            self._go(record, Cause.SILENT, at_ns)
-        self._file(record)
-
-    def _cause_of_hearing(self, sent_ns: int, now_ns: int) -> Cause | None:
-        """What a message sent then does to a status; ``None``: it is expired on arrival."""
-        age_ns = now_ns - sent_ns
-        if age_ns >= self.expiry_ns:
-            return None
-        return Cause.HEARD_LATE if age_ns >= self.ttl_ns else Cause.HEARD
-
-    def _file(self, record: Record) -> None:
-        """Put the record's next deadline into the queue."""
-        deadline_ns = self._deadline_ns(record)
-        self._due.schedule(record, deadline_ns)
-        self._next_due_ns = min(self._next_due_ns, deadline_ns)
-
-    def _deadline_ns(self, record: Record) -> int:
-        if record.status is _STALE:
-            return record.last_seen_ns + self.expiry_ns
-        if record.status is _LEFT:
-            return record.history[-1].at_ns + self.ttl_ns
-        seen_ns = record.last_seen_ns
-        if record.rivals:
-            seen_ns = min(seen_ns, *map(last_seen, record.rivals))
-        return seen_ns + self.ttl_ns
-
-    # -- changes ---------------------------------------------------------------------------------
-
-    def _go(self, record: Record, cause: Cause, at_ns: int, detail: str = "") -> None:
-        """Take one step in the lifecycle."""
-        self._room.leave(record)
-        record.status = transition(record.status, cause)
-        record.cause, record.detail = cause, detail
-        self._room.enter(record)
-        record.remember(Transition(at_ns, record.status, cause, detail))
-        self._changed(record)
-        if record.status is not _ACTIVE:
-            self._offer_room(record)
-
-    def _hand_over(
-        self,
-        record: Record,
-        heir: Claimant,
-        cause: Cause,
-        at_ns: int,
-        rivals: tuple[Claimant, ...],
-    ) -> None:
-        """Begin another claimant's life under this id: nothing of the old one's words stays."""
-        if not same_claimant(heir, record):
-            record.restarts += 1
-            self._restarts += 1
-        detail = succession(record, heir)
-        hint = self._pool.share(heir.hint)
-        self._set_rivals(record, rivals)
-        record.source, record.incarnation = heir.source, heir.incarnation
-        record.sequence = heir.sequence
-        record.last_seen_ns = record.first_seen_ns = heir.last_seen_ns
-        self._set_hint(record, hint, hint_bytes(hint) + claimed_bytes(rivals))
-        self._go(record, cause, at_ns, detail)
-        self._file(record)
-
-    def _inherit(self, record: Record, heir: Claimant, at_ns: int, *gone: Claimant) -> None:
-        """A contender holds the id from now on; the others stay, and who has gone is remembered."""
-        others = tuple(one for one in record.rivals if one is not heir)
-        self._hand_over(record, heir, Cause.HEARD, at_ns, others + gone)
-
-    def _set_hint(self, record: Record, hint: BeaconHint, size: int) -> None:
-        record.hint = hint
-        self._room.resize(record, size)
-        self._changed(record)
-
-    def _count(self, record: Record, message: Claimant) -> None:
-        incarnation, record.sequence = count_after(record, message)
-        if incarnation != record.incarnation:
-            record.incarnation = incarnation
-            self._changed(record)
-
-    def _set_rivals(self, record: Record, rivals: tuple[Claimant, ...]) -> None:
-        if not (rivals or record.rivals):
-            return
-        before, after = visible(record.rivals), visible(rivals)
-        growth = claimed_bytes(rivals) - claimed_bytes(record.rivals)
-        self._room.resize(record, record.size + growth)
-        record.rivals = rivals
-        record.view = None
-        if after != before:
-            self._conflicts += bool(after) - bool(before)
-            self._changed(record)
-
-    def _changed(self, record: Record) -> None:
-        self._revision += 1
-        record.revision = self._revision
-        record.view = None
-        entity_id = record.hint.entity_id
-        self._records[entity_id] = self._records.pop(entity_id)
-
-    def _remove(self, record: Record, cause: Cause) -> None:
-        transition(record.status, cause)
-        self._room.leave(record)
-        self._conflicts -= bool(visible(record.rivals))
-        self._due.cancel(record)
-        del self._records[record.entity_id]
-        record.revision = 0
-        self._expired += cause is Cause.LAPSED
-        self._displaced += cause is Cause.DISPLACED
-        self._revision += 1
-        self._removals.add(self._revision, record.entity_id)
-
-    def _make_room(self, *, count: int, size: int, grower: Record | None = None) -> bool:
-        """Let idle records give way, unless even that is not enough: then nobody does."""
-        if self._room.fits(count=count, size=size):
-            return True
-        if not self._room.can_be_made(count=count, size=size, grower=grower):
-            self._refused += 1
-            return False
-        self._room.victims(
-            self._records, count=count, size=size, displace=self._displace, grower=grower
-        )
-        return True
-
-    def _displace(self, record: Record) -> None:
-        self._remove(record, Cause.DISPLACED)
-
-    def _offer_room(self, record: Record) -> None:
-        self._room.offer(record, self._records)

@@ -589,7 +589,7 @@ def test_a_revision_that_never_was_gets_everything(house: House, revision: int) 
 def test_a_reader_too_far_behind_gets_everything(
     house: House, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("beacon_core.store.MAX_REMOVED", 2)
+    monkeypatch.setattr("beacon_core.register.MAX_REMOVED", 2)
     house = House()
     for name in "abcd":
         house.hear(name)
