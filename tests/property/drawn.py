@@ -101,7 +101,7 @@ PAYLOADS = {
 }
 
 hints = st.sampled_from(list(HINTS))
-payloads = st.sampled_from(list(PAYLOADS))
+payloads = st.sampled_from([*PAYLOADS, *["oversize", "broken-decoder", "repaired", "stamped"] * 3])
 ids = st.sampled_from(IDS)
 names = st.sampled_from(["r1", "r2", "r3"])
 speakers = st.sampled_from(["r1", "r2", "r3", "s1", "s2", ""])

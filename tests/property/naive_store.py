@@ -11,7 +11,7 @@ from typing import Any
 
 import attrs
 
-__all__ = ["NaiveStore", "Voice", "picture"]
+__all__ = ["Entity", "NaiveStore", "Voice", "picture"]
 
 Hint = dict[str, Any]
 Step = tuple[int, str, str, str]

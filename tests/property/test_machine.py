@@ -64,7 +64,7 @@ from tests.property.drawn import (
     stamps,
 )
 from tests.property.naive_intake import nameless
-from tests.property.naive_store import NaiveStore, Voice, picture
+from tests.property.naive_store import Entity, NaiveStore, Voice, picture
 from tests.property.side_by_side import (
     Pair,
     Reader,
@@ -80,6 +80,8 @@ from tests.property.side_by_side import (
 SECOND = 10**9
 MAX_SOURCES = 12
 """Instead of 10,000, so that the table of sources overflows."""
+SLACK = 2
+"""Instead of 64, so that heaps are rebuilt."""
 
 CI_STEPS = 50_000
 STEPS_PER_RUN = 100
@@ -95,18 +97,17 @@ class Machine(RuleBasedStateMachine):
         self.setup = setup
         self.clock = ManualClock()
         self.network = FakeNetwork(self.clock, seed=setup.seed, link=LAN)
-        expiry_s = setup.ttl_s * setup.expiry_factor
-        with patch("beacon_core.store.MAX_REMOVED", setup.max_removed):
+        with patch("beacon_core.register.MAX_REMOVED", setup.max_removed):
             self.store = HintStore(
                 self.clock,
                 ttl_s=setup.ttl_s,
-                expiry_s=expiry_s,
+                expiry_s=setup.ttl_s * setup.expiry_factor,
                 max_hints=setup.max_hints,
                 max_bytes=setup.max_bytes,
             )
         self.naive = NaiveStore(
-            int(setup.ttl_s * SECOND),
-            int((expiry_s if expiry_s > setup.ttl_s else 10 * setup.ttl_s) * SECOND),
+            self.store.ttl_ns,
+            self.store.expiry_ns,
             setup.max_hints,
             setup.max_bytes,
             setup.max_removed,
@@ -120,7 +121,7 @@ class Machine(RuleBasedStateMachine):
         self.announcers: dict[str, FakeAnnouncer] = {}
         self.faithful, self.lazy = Reader(), Reader()
         self.marks = [(0, 0)]
-        self.steps = 0
+        self.steps = self.peak = 0
 
     # -- announcers, the network between, and its other end
 
@@ -287,15 +288,36 @@ class Machine(RuleBasedStateMachine):
     @rule(number=st.integers(0, 9), crashed=st.booleans())
     def depart_as_the_holder(self, number: int, *, crashed: bool) -> None:
         """Somebody who is there, under its own name."""
-        if self.naive.entities:
-            entity_id, entity = min(self.naive.entities.items())
-            run = entity.holder.incarnation, number
-            self.depart(entity_id, entity.holder.source, run, crashed=crashed)
+        found = self._most(["active", "stale", "left"] if number % 2 else ["stale", "active"])
+        if found:
+            run = found[1].holder.incarnation, number
+            self.depart(found[0], found[1].holder.source, run, crashed=crashed)
+
+    def _most(self, wanted: list[str]) -> tuple[str, Entity] | None:
+        """Somebody whose status is as early in the list as can be found."""
+        entities = self.naive.entities.items()
+        found = [one for one in entities if one[0] in IDS and one[1].status in wanted]
+        return min(found, key=lambda one: (wanted.index(one[1].status), one[0]), default=None)
 
     @rule(hint=hints, age=ages, name=speakers, run=runs)
     def update(self, hint: str, age: Age | None, name: str, run: tuple[str, int]) -> None:
+        sent = None if age is None else self.clock.monotonic_ns() - self._ns(age)
+        self._update(hint, sent, name, run)
+
+    @rule(number=st.integers(0, 9), after=st.integers(-1, 1), name=speakers, run=runs)
+    def update_from_about_then(
+        self, number: int, after: int, name: str, run: tuple[str, int]
+    ) -> None:
+        """As if sent when somebody was heard last, or when it left; or a nanosecond beside that."""
+        found = self._most(["left", "stale", "active"])
+        if found:
+            entity_id, entity = found
+            of_its_last_step = number % 3 == 0 and entity.history
+            sent = entity.history[-1][0] if of_its_last_step else entity.holder.heard
+            self._update(f"{entity_id}{number}", sent + after, name, run)
+
+    def _update(self, hint: str, sent: int | None, name: str, run: tuple[str, int]) -> None:
         now, (incarnation, number) = self.clock.monotonic_ns(), run
-        sent = None if age is None else now - self._ns(age)
         verdict = self.store.update(
             HINTS[hint],
             received_at_ns=sent,
@@ -422,12 +444,15 @@ class Machine(RuleBasedStateMachine):
             assert exact - self.naive.ttl / 16 <= early <= exact
 
     def _check_caps(self) -> None:
-        store, setup = self.store, self.setup
-        records = len(store._records)
-        assert records <= setup.max_hints
-        assert len(store._removals._log) <= setup.max_removed
-        assert len(store._due._near) <= 2 * setup.max_hints + 64
-        assert len(store._room._idle) <= 2 * setup.max_hints + 66
+        book, setup, due = self.store._book, self.setup, self.store._book.due
+        self.peak = max(self.peak, len(book.records))
+        assert self.peak <= setup.max_hints
+        assert len(book.removals._log) <= setup.max_removed
+        assert len(due._near) <= 2 * self.peak + SLACK
+        assert all(due._slots.values())
+        assert len(due._slots) <= self.peak
+        assert len(due._slot_order) <= 2 * self.peak + SLACK + 1
+        assert len(book.room._idle) <= 2 * self.peak + SLACK + 1
         for pair in self.pairs:
             memory = pair.intake._memory
             assert sum(map(len, memory._known)) == memory._bytes <= setup.max_remembered
@@ -454,7 +479,10 @@ def small_world(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         return lifecycle.transition(status, cause)
 
     monkeypatch.setattr("beacon_core.store.transition", transition)
+    monkeypatch.setattr("beacon_core.register.transition", transition)
     monkeypatch.setattr("beacon_core.sources.MAX_SOURCES", MAX_SOURCES)
+    monkeypatch.setattr("beacon_core.deadlines._SLACK", SLACK)
+    monkeypatch.setattr("beacon_core.room._SLACK", SLACK)
     met.clear()
     steps_taken.clear()
     logging.disable(logging.CRITICAL)
