@@ -137,7 +137,7 @@ def test_nobody_in_particular_speaks_for_whoever_holds_the_id(house: House) -> N
 
 def test_what_many_hints_have_in_common_is_held_once(house: House) -> None:
     for name in "ab":
-        house.hear(name, hostname="-".join(["robot", "1"]))
+        house.hear(name, hostname=f"robot-{len(name)}")
     assert house.get("a").hint.hostname is house.get("b").hint.hostname
 
 
@@ -710,6 +710,18 @@ def test_once_something_is_not_as_it_was_there_is_no_short_way(house: House, hap
     before = house.store.get("e")
     assert not refresh(house, record, version)
     assert house.store.get("e") == before
+
+
+def test_the_short_way_settles_first(house: House) -> None:
+    house.hear("other")
+    _, record, version = take(house)
+    house.wait(TTL)
+    assert not refresh(house, record, version)
+    assert house.status() is STALE
+    _, record, version = take(house)
+    house.wait(TTL - 1)
+    assert refresh(house, record, version)
+    assert [one.status for one in house.get().history] == [STALE, ACTIVE]
 
 
 def test_there_is_no_short_way_beside_a_rival(house: House) -> None:

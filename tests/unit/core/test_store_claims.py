@@ -200,6 +200,7 @@ def test_the_freshest_of_several_inherits_and_the_others_go_on_contending(house:
     house.store.lost("e", source="a")
     stored = house.get()
     assert (stored.source, [one.source for one in stored.claims]) == ("b", ["b", "c"])
+    check_sums(house)
 
 
 def test_holders_fall_silent_one_after_the_other(house: House) -> None:
@@ -229,6 +230,29 @@ def test_more_claims_than_are_kept_displace_the_longest_silent(house: House) -> 
         house.wait(1)
     kept = [one.source for one in house.get().claims]
     assert kept == ["s0", f"s{MAX_CLAIMS - 1}", f"s{MAX_CLAIMS}", f"s{MAX_CLAIMS + 1}"]
+    check_sums(house)
+
+
+def test_the_longest_silent_gives_way_whenever_it_began(house: House) -> None:
+    house.hear(source="a", hostname="a", age=9)
+    house.hear(source="b", hostname="b")
+    house.hear(source="c", hostname="c", age=5)
+    house.hear(source="d", hostname="d", age=3)
+    house.hear(source="e", hostname="e", age=4)
+    assert sorted(one.source for one in house.get().claims) == ["a", "b", "d", "e"]
+
+
+def test_a_successor_among_many_rivals_leaves_room_for_its_predecessor(house: House) -> None:
+    house.hear(**HERE)
+    for number in range(MAX_CLAIMS - 1):
+        house.hear(source=f"s{number}", hostname=f"g{number}", display_name="x" * number)
+        house.wait(1)
+    house.hear(**NEXT)
+    stored = house.get()
+    assert [one.source for one in stored.claims] == ["a", "s1", "s2"]
+    check_sums(house)
+    assert house.hear(**HERE) is Verdict.CONTENDED
+    assert len(house.get().claims) == MAX_CLAIMS
     check_sums(house)
 
 

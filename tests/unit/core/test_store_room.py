@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from beacon_core.hint import BeaconHint
@@ -233,6 +235,17 @@ def test_a_conflict_that_ends_frees_its_room() -> None:
     assert house.hear("c") is Verdict.STORE_FULL
     house.store.goodbye("a", source="b")
     assert house.hear("c") is Verdict.NEW
+
+
+def test_a_successor_needs_room_beside_the_rivals() -> None:
+    house = House(max_bytes=2 * BASE + 12)
+    house.hear(source="a", incarnation="i", hostname="h")
+    house.hear(source="b", hostname="g")
+    words: dict[str, Any] = {"source": "a", "incarnation": "j", "hostname": "h"}
+    assert house.hear("e", **words, display_name="x" * 11) is Verdict.STORE_FULL
+    assert house.hear("e", **words, display_name="x" * 10) is Verdict.CHANGED
+    assert house.store.stats().bytes == 2 * BASE + 12
+    check_sums(house)
 
 
 def test_a_restart_needs_no_room_for_the_predecessor() -> None:
