@@ -7,7 +7,7 @@ import attrs
 from beacon_core.hint import BeaconHint
 from beacon_core.lifecycle import Cause, Status, Transition
 
-__all__ = ["Changes", "Claim", "StoredHint", "StoreStats"]
+__all__ = ["Changes", "Claim", "StoreStats", "StoredHint"]
 
 
 @attrs.frozen
