@@ -3,6 +3,7 @@ credentials."""
 
 from __future__ import annotations
 
+import re
 import shutil
 import signal
 import subprocess
@@ -12,6 +13,7 @@ from typing import Any
 
 import attrs
 import pytest
+import yaml
 import zenoh
 
 from beacon_core.clock import SystemClock
@@ -32,6 +34,17 @@ from beacon_zenoh.source import ZenohSource
 AN_HOUR_S = 3600.0
 
 OPENSSL = shutil.which("openssl")
+
+
+PAGE = Path(__file__).parents[2] / "docs/adapters/zenoh.md"
+
+
+def block(language: str, holding: str) -> str:
+    """The recipe on the page that holds these words."""
+    found = re.findall(
+        rf"^```{language}\n(.*?)^```", PAGE.read_text("utf-8"), re.DOTALL | re.MULTILINE
+    )
+    return next(str(one) for one in found if holding in one)
 
 
 def access_for(subjects: dict[str, dict[str, Any]]) -> dict[str, Any]:
@@ -152,9 +165,8 @@ def papers(tmp_path_factory: pytest.TempPathFactory) -> Papers:
     if OPENSSL is None:
         pytest.skip("needs the openssl command to make certificates")
     made = Papers(tmp_path_factory.mktemp("papers"))
-    made.make_ca()
-    for name in ("gateway", "robot-1", "robot-2"):
-        made.make(name, name)
+    subprocess.run(["sh", "-ec", block("sh", "openssl")], cwd=made.folder, check=True)  # noqa: S607
+    made.make("robot-2", "robot-2")
     forger = Papers(made.folder, ca="other-ca")
     forger.make_ca()
     forger.make("forged-robot-1", "robot-1")
@@ -174,6 +186,17 @@ def gateway(papers: Papers) -> Iterator[Gateway]:
     made = Gateway(options)
     yield made
     made.source.close()
+
+
+def test_the_recipe_of_the_page_is_the_one_tried_here() -> None:
+    (source,) = yaml.safe_load(block("yaml", "access_control"))["sources"].values()
+    assert source["adapter"] == "zenoh"
+    options = source["options"]
+    assert options["config"] == access_for({"robot-1": {"cert_common_names": ["robot-1"]}})
+    robot = yaml.safe_load(block("yaml", "robot-1.pem"))
+    for said in (options, robot):
+        TlsOptions(**said.pop("tls"))
+        ZenohOptions(**said)
 
 
 def robot_options(gateway: Gateway, tls: TlsOptions | None) -> ZenohOptions:
