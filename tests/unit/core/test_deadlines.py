@@ -259,8 +259,12 @@ def test_filing_again_under_the_same_deadline_leaves_the_heap_small() -> None:
 # -- all at once ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("interval_ns", [1000, 50, 3, 0])
-def test_any_order_of_doings_gives_what_sorting_everything_would(interval_ns: int) -> None:
+@pytest.mark.parametrize("slack", [64, 2])
+@pytest.mark.parametrize("interval_ns", [10**5, 1000, 50, 3, 0])
+def test_any_order_of_doings_gives_what_sorting_everything_would(
+    monkeypatch: pytest.MonkeyPatch, interval_ns: int, slack: int
+) -> None:
+    monkeypatch.setattr("beacon_core.deadlines._SLACK", slack)
     draw = random.Random(interval_ns)  # noqa: S311 - the same in each run
     due, items = queue(interval_ns), [Item(f"{number:02}") for number in range(30)]
     filed: dict[str, Item] = {}

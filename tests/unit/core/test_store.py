@@ -464,6 +464,7 @@ def test_a_rival_claim_counts_as_what_it_takes() -> None:
     assert not house.get().conflict
     assert house.hear(source="b", hostname="g", display_name="B") is Verdict.CONTENDED
     assert house.store.stats().bytes == both
+    assert house.hear(source="b", hostname="g", display_name="C") is Verdict.CONTENDED
     assert house.hear(source="a", hostname="h", display_name="A") is Verdict.STORE_FULL
 
 
