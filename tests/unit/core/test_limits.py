@@ -95,3 +95,7 @@ def test_a_hint_that_nobody_has_validated_can_be_weighed_too() -> None:
 
 def test_the_largest_hint_weighs_what_is_said_of_it() -> None:
     assert 105_000 < hint_bytes(FULL) < 112_000
+
+
+def test_text_that_was_counted_before_is_not_counted_again() -> None:
+    assert hint_bytes(BeaconHint("abc"), 7) == HINT_OVERHEAD_BYTES + 7

@@ -18,7 +18,7 @@ from beacon_core.wire import cdr, json
 # A hostile payload may be long; no failing example is printed here.
 pytestmark = pytest.mark.filterwarnings("ignore:Generating overly large repr")
 
-OFTEN = settings(max_examples=200, deadline=None)
+OFTEN = settings(max_examples=50, deadline=None)
 # Any example will do, so none is made smaller.
 SEARCH = settings(
     max_examples=3_000,
