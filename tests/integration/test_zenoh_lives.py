@@ -20,6 +20,7 @@ from beacon_core.testing.harness import Harness, Listener
 from beacon_zenoh import ADAPTER, ZenohOptions
 from beacon_zenoh.announcer import ZenohAnnouncer
 from beacon_zenoh.harness import OwnRouterHarness, ProcessAnnouncer, ZenohHarness, free_endpoint
+from beacon_zenoh.options import Mode
 
 AN_HOUR_S = 3600.0
 """A period in which nothing is repeated: what is seen was asked for."""
@@ -160,10 +161,7 @@ class Router:
 
     def kill(self) -> None:
         self.process.kill()
-        self.process.wait(10)
-        for stream in (self.process.stdin, self.process.stdout):
-            assert stream is not None
-            stream.close()
+        self.process.communicate()
 
 
 @pytest.fixture
@@ -215,6 +213,47 @@ def test_a_client_source_starts_without_its_router_and_says_so() -> None:
     within(harness, 1.0, up, "the source is up")
     source.close()
     router.close()
+
+
+@pytest.mark.parametrize("mode", ["peer", "client"])
+def test_a_peer_hears_who_connects_to_it(mode: Mode) -> None:
+    harness = ZenohHarness()
+    try:
+        listener = Listener(harness)
+        endpoint = free_endpoint()
+        listener.source = ADAPTER.source(ZenohOptions(mode="peer", listen=(endpoint,)))
+        listener.start()
+        announcer = ZenohAnnouncer(ZenohOptions(mode=mode, connect=(endpoint,)), AN_HOUR_S)
+        announcer.announce(BeaconHint("engine"))
+        active(harness, listener, "engine", 2.0)
+        announcer.close()
+        within(harness, 1.0, lambda: listener.has("engine", Status.LEFT), "engine has left")
+        listener.source.close()
+    finally:
+        harness.close()
+
+
+def test_a_client_with_two_routers_goes_to_the_other_when_one_fails() -> None:
+    one, other = Router(), Router()
+    endpoints = (one.endpoint, other.endpoint)
+
+    class Behind(ZenohHarness):
+        def options(self, network: int = 0) -> ZenohOptions:
+            return ZenohOptions(mode="client", connect=endpoints)
+
+    harness = Behind()
+    try:
+        listener = Listener(harness).start()
+        harness.announcer(AN_HOUR_S).announce(BeaconHint("engine"))
+        active(harness, listener, "engine")
+        one.kill()
+        other_is_used = lambda: listener.source.health().condition is Condition.UP  # noqa: E731
+        within(harness, 1.0, other_is_used, "the source is up")
+        active(harness, listener, "engine", 1.0)
+    finally:
+        harness.close()
+        one.kill()
+        other.kill()
 
 
 def test_a_child_of_a_fork_is_told_to_make_its_own_announcer(harness: OwnRouterHarness) -> None:

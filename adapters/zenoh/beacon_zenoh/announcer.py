@@ -210,10 +210,15 @@ class ZenohAnnouncer:
         return (self._beats[0][0] - now_ns) / 1e9 if self._beats else None
 
     def _schedule(self, entity_id: str, voice: _Voice) -> None:
-        if self._period_ns is not None:
-            wait_ns = self._period_ns * (1 - _JITTER * random.random())  # noqa: S311
-            voice.due_ns = time.monotonic_ns() + round(wait_ns)
-            heapq.heappush(self._beats, (voice.due_ns, entity_id))
+        if self._period_ns is None:
+            return
+        wait_ns = self._period_ns * (1 - _JITTER * random.random())  # noqa: S311
+        voice.due_ns = time.monotonic_ns() + round(wait_ns)
+        heapq.heappush(self._beats, (voice.due_ns, entity_id))
+        # Who speaks more often than its period leaves a void beat behind each time.
+        if len(self._beats) > 2 * len(self._voices) + 100:
+            self._beats = [(one.due_ns, name) for name, one in self._voices.items()]
+            heapq.heapify(self._beats)
 
     def _envelope(self) -> bytes:
         self._sequence += 1

@@ -102,12 +102,23 @@ def test_repetitions_come_early_by_chance_and_never_late(
     announcer = ear.announcer(10.0)
     waits = []
     for number in range(200):
-        voice = module._Voice()
+        voice = announcer._voices[f"part-{number}"] = module._Voice()
         before_ns = time.monotonic_ns()
         announcer._schedule(f"part-{number}", voice)
         waits.append((voice.due_ns - before_ns) / 1e9)
     assert 8.5 <= min(waits) < 8.8
     assert 9.7 < max(waits) <= 10.01
+    announcer._voices.clear()
+    announcer.close()
+
+
+def test_who_speaks_much_oftener_than_its_period_leaves_nothing_behind(ear: Ear) -> None:
+    announcer = ear.announcer(3600.0)
+    for number in range(1000):
+        announcer.announce(BeaconHint(f"part-{number % 3}", display_name=f"{number}"))
+    eventually(lambda: len(ear.samples) == 1000)
+    assert len(announcer._beats) <= 106
+    assert {name for _, name in announcer._beats} == {"part-0", "part-1", "part-2"}
     announcer.close()
 
 
