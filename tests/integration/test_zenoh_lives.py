@@ -259,19 +259,30 @@ def test_a_client_with_two_routers_goes_to_the_other_when_one_fails() -> None:
 def test_a_child_of_a_fork_is_told_to_make_its_own_announcer(harness: OwnRouterHarness) -> None:
     script = f"""
 import os, sys
+from beacon_core.clock import SystemClock
 from beacon_core.errors import UsageError
 from beacon_core.hint import BeaconHint
+from beacon_core.intake import Intake
+from beacon_core.store import HintStore
 from beacon_zenoh import ADAPTER, ZenohOptions
-from beacon_zenoh.announcer import ZenohAnnouncer
 announcer = ADAPTER.announcer(ZenohOptions(connect={harness.options().connect!r}), None)
+source = ADAPTER.source(ZenohOptions(mode="client", connect={harness.options().connect!r}))
+source.start(Intake(HintStore(SystemClock()), ADAPTER.decode))
+announcer._lock.acquire()  # as another thread may at the moment of the fork
+source._gate.acquire()
 child = os.fork()
 if child == 0:
     try:
         announcer.announce(BeaconHint("engine"))
     except UsageError as error:
         print(error, flush=True)
+    announcer.withdraw("engine")
     announcer.close()
+    source.close()
     sys.exit(0)
+announcer._lock.release()
+source._gate.release()
+source.close()
 print("exit code", os.waitpid(child, 0)[1], flush=True)
 announcer.close()
 """

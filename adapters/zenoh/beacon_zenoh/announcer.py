@@ -95,16 +95,18 @@ class ZenohAnnouncer:
                 f"announce: entity_id {hint.entity_id!r} is no id; "
                 "write 1 to 256 letters, digits, '_' or '-'"
             )
+        if self._keeper.forked:
+            raise UsageError("announce: made before a fork; make an announcer in the child")
         payload = json.encode(hint)
         with self._lock:
             if self._closed:
                 raise UsageError("announce: this announcer is closed; make a new one")
-            if self._keeper.forked:
-                raise UsageError("announce: made before a fork; make an announcer in the child")
             self._put_in_line(hint.entity_id, payload)
         self._keeper.wake()
 
     def withdraw(self, entity_id: str) -> None:
+        if self._keeper.forked:
+            return
         with self._lock:
             if self._closed:
                 return
@@ -112,6 +114,8 @@ class ZenohAnnouncer:
         self._keeper.wake()
 
     def close(self) -> None:
+        if self._keeper.forked:
+            return
         with self._lock:
             self._closed = True
         self._keeper.close()

@@ -127,7 +127,8 @@ class SessionKeeper:
 
     @property
     def forked(self) -> bool:
-        """Is this a child of the process that made it? Then nothing works."""
+        """Is this a child of the process that made it? Then nothing works, and no lock may be
+        taken: the thread that held it may not exist here."""
         return self._pid != os.getpid()
 
     def close(self, within_s: float = CLOSE_WITHIN_S, *, orderly: bool = True) -> None:

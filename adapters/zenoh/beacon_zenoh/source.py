@@ -73,6 +73,8 @@ class ZenohSource:
         self._keeper.start()
 
     def close(self) -> None:
+        if self._keeper.forked:
+            return
         began = time.monotonic()
         inside = self._speaker == get_ident()
         # A sink that hangs must not hang us: it finds the gate shut when it is through.
