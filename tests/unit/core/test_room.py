@@ -144,6 +144,26 @@ def test_whoever_grows_cannot_make_room_for_itself(status: Status) -> None:
     assert not house.room.can_be_made(count=0, size=BASE + 1, grower=grower)
 
 
+def test_what_the_active_take_follows_all_that_happens_to_them() -> None:
+    house = House(max_bytes=4 * BASE)
+    grown = house.add("a")
+    house.room.resize(grown, 2 * BASE)
+    stale = house.add("b", STALE)
+    house.room.resize(stale, 2 * BASE)
+
+    def left() -> int:
+        """What could be made, in sizes of a bare hint."""
+        return sum(house.room.can_be_made(count=0, size=many * BASE) for many in range(1, 6))
+
+    assert left() == 2
+    house.become("a", STALE)
+    assert left() == 4
+    house.become("b", ACTIVE)
+    assert left() == 2
+    house.displace(stale)
+    assert left() == 4
+
+
 # -- who gives way -------------------------------------------------------------------------------
 
 
