@@ -256,20 +256,20 @@ class Intake:
             clock = account.clock = ClockOffset()
         wall_ns = self._clock.wall_ns()
         clock.observe(stamp_ns, wall_ns)
-        age_ns = trusted_age_ns(wall_ns - stamp_ns, self.store.expiry_ns, self._policy)
-        if age_ns is None:
+        told_ns = wall_ns - stamp_ns
+        age_ns = trusted_age_ns(told_ns, clock, self.store.expiry_ns, self._policy)
+        if age_ns != max(0, told_ns):
             account.distrusted += 1
-            return now_ns
-        return now_ns - age_ns
+        return now_ns - (age_ns or 0)
 
     def _report_skew(self, account: Source) -> None:
         """Say once per source that its clock is off."""
         with self._lock:
             clock = account.clock
             news = clock is not None and clock.skewed and not account.skew_reported
-            if news:
-                account.skew_reported = True
             worth_a_line = news and self._log_lines.try_consume(self._now_ns())
+            if worth_a_line:
+                account.skew_reported = True
         if worth_a_line and clock is not None and clock.offset_ns is not None:
             _log.warning(
                 "%s: its clock is %.3f s %s ours; stamps are used by the policy %r",
@@ -283,6 +283,8 @@ class Intake:
         """Count, charge and report."""
         verdict = outcome.verdict
         with self._lock:
+            # The account may have been folded away since it was looked up.
+            account = self._find(account.name) or self._sources.meet(account.name)
             account.counts[verdict] += 1
             count = account.counts[verdict]
             if verdict in ACCEPTED:

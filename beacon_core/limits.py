@@ -65,7 +65,7 @@ MAX_STORE_BYTES = 64 * 1024 * 1024
 fleet of 10,000 takes about 15 MB, so this is four times what is needed."""
 
 HINT_OVERHEAD_BYTES = 700
-"""What a stored hint costs besides its text (measured: bench/memory.py)."""
+"""What a stored hint costs besides its text (measured: bench/store.py)."""
 
 MAX_CLAIMS = 4
 """Rival claims kept per entity. Two make a conflict; more tell no one anything new."""

@@ -37,7 +37,9 @@ class SkewPolicy(enum.StrEnum):
     ARRIVAL = "arrival"
     """Never believe it: a hint is as old as its arrival. Replayed old messages look fresh."""
     AUTO = "auto"
-    """Believe it unless it would make the hint invisible (older than ``expiry``): then arrival."""
+    """Believe it as far as the source's clock is known: a measured offset is taken off. Before one
+    is measured, a stamp that would make the hint invisible (older than ``expiry``) is not believed.
+    """
 
 
 class ClockOffset:
@@ -72,19 +74,30 @@ class ClockOffset:
         return min(self._smallest_ns, self._earlier_ns)
 
     @property
+    def measured(self) -> bool:
+        """There were enough stamps to tell a wrong clock from a late message."""
+        return self._count >= _ENOUGH or self._earlier_ns is not None
+
+    @property
     def skewed(self) -> bool:
-        """The offset is more than ``TOLERATED_OFFSET_NS`` either way, and not just one delay."""
+        """The clock is measured, and off by more than ``TOLERATED_OFFSET_NS`` either way."""
         offset = self.offset_ns
-        enough = self._count >= _ENOUGH or self._earlier_ns is not None
-        return enough and offset is not None and abs(offset) > TOLERATED_OFFSET_NS
+        return self.measured and offset is not None and abs(offset) > TOLERATED_OFFSET_NS
 
 
-def trusted_age_ns(age_ns: int, expiry_ns: int, policy: SkewPolicy) -> int | None:
+def trusted_age_ns(
+    age_ns: int, clock: ClockOffset, expiry_ns: int, policy: SkewPolicy
+) -> int | None:
     """The age to give a message whose stamp says ``age_ns`` (our wall clock less the stamp).
 
-    A stamp in the future says "just now": 0. ``None``: the policy does not believe this stamp, and
-    the message counts as sent when it arrived.
+    ``clock`` has taken this stamp into account already. A stamp in the future says "just now": 0.
+    ``None``: the policy does not believe the stamp, and the message counts as sent on arrival.
     """
-    if policy is SkewPolicy.ARRIVAL or (policy is SkewPolicy.AUTO and age_ns >= expiry_ns):
+    if policy is SkewPolicy.ARRIVAL:
         return None
+    if policy is SkewPolicy.AUTO:
+        if age_ns >= expiry_ns and not clock.measured:
+            return None
+        if clock.skewed:
+            age_ns -= clock.offset_ns or 0
     return max(0, age_ns)

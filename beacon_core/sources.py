@@ -58,7 +58,7 @@ class Source:
         self.clock: ClockOffset | None = None
         """Made at its first stamp."""
         self.distrusted = 0
-        """Stamps that were not believed."""
+        """Stamps that were not taken as they were."""
         self.skew_reported = False
 
     def report(self) -> SourceReport:
@@ -91,7 +91,7 @@ class SourceReport:
     clock_offset_ns: int | None
     """How far its wall clock is behind ours; ``None`` if it sends no stamps."""
     distrusted_stamps: int
-    """Stamps that the skew policy did not believe."""
+    """Stamps that the skew policy did not take as they were."""
 
 
 class Sources:

@@ -27,6 +27,7 @@ __all__ = [
     "names",
     "payloads",
     "periods",
+    "plain_words",
     "runs",
     "setups",
     "skews_s",
@@ -70,7 +71,7 @@ setups = st.builds(
 )
 
 BREAKS_THE_DECODER = b"broken decoder"
-IDS = ["a", "b", "c"]
+IDS = ["a", "b", "c", "d"]
 WORDS: list[dict[str, Any]] = [
     {},
     {"hostname": "h1", "process_id": 1},
@@ -100,8 +101,18 @@ PAYLOADS = {
     **{name: json.encode(hint) for name, hint in HINTS.items()},
 }
 
-hints = st.sampled_from(list(HINTS))
-payloads = st.sampled_from([*PAYLOADS, *["oversize", "broken-decoder", "repaired", "stamped"] * 3])
+# Half of all talk is about one id, so that many claim it.
+hints = st.sampled_from([*HINTS, *[name for name in HINTS if name.startswith("a")] * 2])
+# Of a few who speak for several each, and do not say which process they are.
+plain_words = st.lists(
+    st.tuples(
+        st.sampled_from([name for name in HINTS if name[1] in "06"]), st.sampled_from(["s1", "s2"])
+    ),
+    min_size=1,
+    max_size=8,
+)
+special = st.sampled_from(["oversize", "broken-decoder", "bad-id", "stamped", "repaired"])
+payloads = special | st.sampled_from(list(PAYLOADS))
 ids = st.sampled_from(IDS)
 names = st.sampled_from(["r1", "r2", "r3"])
 speakers = st.sampled_from(["r1", "r2", "r3", "s1", "s2", ""])
@@ -121,22 +132,14 @@ links = st.sampled_from(
 )
 periods = st.sampled_from([None, 0.3, 0.9, 1.5])
 skews_s = st.sampled_from([0.0, 0.2, -0.5, -5.0, 60.0, -1e6])
-Age = tuple[float, int]
-# How long ago it was said: so many times the ttl, and so many nanoseconds.
+Age = tuple[float, float, int]
+# How long ago it was said: so many times the ttl, the expiry, and so many nanoseconds.
 AGES = [
-    (0, 0),
-    (0, 1),
-    (0, -1),
-    (0.1, 0),
-    (0.6, 0),
-    (1, -1),
-    (1, 0),
-    (1.2, 0),
-    (2.5, 0),
-    (-1, 0),
-    (1e6, 0),
+    *[(0, 0, 0), (0, 0, 1), (0, 0, -1), (0.1, 0, 0), (0.6, 0, 0), (-1, 0, 0)],
+    *[(1, 0, -1), (1, 0, 0), (1.2, 0, 0), (2.5, 0, 0)],
+    *[(0, 1, -1), (0, 1, 0), (0, 3, 0), (0, 1e6, 0)],
 ]
 ages = st.sampled_from([None, *AGES])
 stamps = st.sampled_from(
-    [*[("no", (0, 0))] * 8, *(("beside", age) for age in AGES), *(("inside", age) for age in AGES)]
+    [*[("no", AGES[0])] * 8, *(("beside", age) for age in AGES), *(("inside", age) for age in AGES)]
 )

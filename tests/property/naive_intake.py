@@ -20,6 +20,8 @@ SECOND = 10**9
 MAX_PAYLOAD_BYTES = 256 * 1024
 BAD_INPUT_COST = 9
 WINDOW = 64
+ENOUGH_STAMPS = 3
+TOLERATED = 10**9
 NAME_CHARACTERS = 256
 ACCEPTED = {"new", "changed", "refreshed", "contended", "left", "lost"}
 BAD_INPUT = {"too-large", "malformed", "invalid"}
@@ -135,6 +137,12 @@ class NaiveIntake:
             every.update(account.messages)
         return every
 
+    def next_token(self, now: int) -> int:
+        """In how many nanoseconds somebody who has none left will have one; 0 if all have."""
+        buckets = [account.bucket for account in self.accounts.values()]
+        waits = [one.token - one.level - (now - one.at) for one in buckets]
+        return min((one for one in waits if one > 0), default=0)
+
     def _take(
         self, payload: bytes, account: Account, envelope: dict[str, Any], now: int, wall: int
     ) -> str:
@@ -158,12 +166,18 @@ class NaiveIntake:
     def _sent(self, account: Account, stamp: int, now: int, wall: int) -> int:
         if not stamp:
             return now
-        age = wall - stamp
-        account.delays.append(age)
-        if self.policy == "arrival" or (self.policy == "auto" and age >= self.store.expiry):
-            account.distrusted += 1
-            return now
-        return now - max(0, age)
+        told = wall - stamp
+        account.delays.append(told)
+        known = len(account.delays) >= ENOUGH_STAMPS
+        age: int | None = max(0, told)
+        if self.policy == "arrival" or (
+            self.policy == "auto" and not known and told >= self.store.expiry
+        ):
+            age = None
+        elif self.policy == "auto" and known and abs(account.offset or 0) > TOLERATED:
+            age = max(0, told - (account.offset or 0))
+        account.distrusted += age != max(0, told)
+        return now - (age or 0)
 
     def _account(self, name: str, now: int) -> Account:
         name = name[:NAME_CHARACTERS]

@@ -7,9 +7,12 @@ from functools import lru_cache
 from typing import Any
 from unittest.mock import patch
 
+import attrs
+
 from beacon_core.clock import Clock
 from beacon_core.hint import Announcement, BeaconHint
 from beacon_core.intake import Intake
+from beacon_core.limits import MAX_CLAIMS, MAX_HISTORY, hint_bytes
 from beacon_core.outcome import Outcome
 from beacon_core.ports.adapter import Malformed
 from beacon_core.store import HintStore
@@ -18,13 +21,16 @@ from beacon_core.validator import Accepted, validate
 from beacon_core.wire import json
 from tests.property.drawn import BREAKS_THE_DECODER, Setup
 from tests.property.naive_intake import NaiveIntake, Read
-from tests.property.naive_store import Hint, NaiveStore, Picture
+from tests.property.naive_store import Entity, Hint, NaiveStore, Picture
 
 __all__ = [
     "Pair",
     "Reader",
     "check_accounts",
     "check_changes",
+    "check_next_deadline",
+    "check_one",
+    "check_stats",
     "fields",
     "met",
     "new_pair",
@@ -227,3 +233,48 @@ def check_accounts(pair: Pair, max_sources: int) -> None:
         assert report.repaired == account.repaired
         assert report.clock_offset_ns == account.offset
         assert report.distrusted_stamps == account.distrusted
+
+
+def check_next_deadline(store: HintStore, naive: NaiveStore) -> None:
+    """Never late, and early by a sixteenth of a ttl at the most."""
+    early, exact = store.next_deadline_ns(), naive.next_deadline()
+    assert (early is None) == (exact is None)
+    if early is not None and exact is not None:
+        assert exact - naive.ttl / 16 <= early <= exact
+
+
+def check_one(stored: StoredHint, entity: Entity, store: HintStore, now: int) -> None:
+    """When it was heard, what is bounded, and that its status is what its age says."""
+    assert stored.last_seen_ns == entity.holder.heard
+    claimants = [entity.holder, *entity.contenders] if entity.contenders else []
+    assert [one.last_seen_ns for one in stored.claims] == [one.heard for one in claimants]
+    assert len(stored.claims) <= MAX_CLAIMS
+    assert len(stored.history) <= MAX_HISTORY
+    age = stored.age_ns(now)
+    if stored.status == "left":
+        assert stored.cause == "goodbye"
+    else:
+        assert age < store.expiry_ns
+        doubtful = age >= store.ttl_ns or stored.cause == "lost"
+        assert stored.status == ("stale" if doubtful else "active")
+
+
+def check_stats(store: HintStore, naive: NaiveStore, by_id: dict[str, StoredHint]) -> None:
+    """Counts and bytes, against the naive ones and against adding everything up."""
+    count = Counter(one.status.value for one in by_id.values())
+    claims = [one.claims[1:] for one in by_id.values()]
+    said = [one.hint for one in by_id.values()]
+    said += [one.hint for each in claims for one in each]
+    stats = store.stats()
+    assert attrs.asdict(stats) == {
+        "active": count["active"],
+        "stale": count["stale"],
+        "left": count["left"],
+        "conflicts": sum(map(bool, claims)),
+        "bytes": sum(map(hint_bytes, said)),
+        "revision": store.revision,
+        **naive.totals,
+    }
+    assert stats.bytes == naive.bytes <= naive.max_bytes
+    assert len(by_id) <= naive.max_hints
+    assert store.size() == count["active"] + count["stale"]

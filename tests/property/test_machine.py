@@ -20,6 +20,7 @@ import os
 import time
 from collections import Counter
 from collections.abc import Iterator
+from typing import Any
 from unittest.mock import patch
 
 import attrs
@@ -38,10 +39,8 @@ from hypothesis.stateful import (
 
 from beacon_core import lifecycle
 from beacon_core.clock import ManualClock
-from beacon_core.limits import MAX_CLAIMS, MAX_HISTORY, hint_bytes
 from beacon_core.outcome import Verdict
 from beacon_core.store import HintStore
-from beacon_core.stored import StoredHint
 from beacon_core.wire import json
 from beacon_fake import LAN, FakeAnnouncer, FakeNetwork, FakeSource, Kind, Link, Message
 from tests.property.drawn import (
@@ -57,6 +56,7 @@ from tests.property.drawn import (
     names,
     payloads,
     periods,
+    plain_words,
     runs,
     setups,
     skews_s,
@@ -70,6 +70,9 @@ from tests.property.side_by_side import (
     Reader,
     check_accounts,
     check_changes,
+    check_next_deadline,
+    check_one,
+    check_stats,
     fields,
     met,
     new_pair,
@@ -191,11 +194,15 @@ class Machine(RuleBasedStateMachine):
     def go_on(self, parts: float) -> None:
         self.network.advance(int(parts * self.naive.ttl))
 
-    @rule(choice=st.integers(0, 10), stand_still=st.booleans())
+    @rule(choice=st.integers(0, 12), stand_still=st.booleans())
     def wait_just_until(self, choice: int, *, stand_still: bool) -> None:
         ttl, expiry = self.naive.ttl, self.naive.expiry
-        to_deadline = (self.naive.next_deadline() or 0) - self.clock.monotonic_ns()
+        now = self.clock.monotonic_ns()
+        to_deadline = (self.naive.next_deadline() or 0) - now
+        to_token = self.pair.naive.next_token(now)
         ns = [
+            to_token,
+            to_token - 1,
             to_deadline,
             to_deadline - 1,
             to_deadline + 1,
@@ -239,27 +246,42 @@ class Machine(RuleBasedStateMachine):
             sequence=run[1],
         )
 
+    @rule(said=plain_words)
+    def chatter(self, said: list[tuple[str, str]]) -> None:
+        """What a carrier brings that knows no more than a payload and whose it is."""
+        pair = self.pair
+        for hint, name in said:
+            pair.offer(PAYLOADS[hint], name)
+
     @rule(index=st.integers(0, 20))
     def offer_again(self, index: int) -> None:
         """As a carrier that repeats."""
         self._repeat(index, {})
 
-    @rule(index=st.integers(0, 6), number=st.integers(0, 9), fresh=st.booleans())
-    def offer_the_like(self, index: int, number: int, *, fresh: bool) -> None:
-        """What the same announcer might say next, or before."""
-        change = {"sequence": number}
+    @rule(
+        index=st.integers(0, 6),
+        number=st.integers(0, 9),
+        name=st.sampled_from([None, None, "r1", "s1", "s2"]),
+        about=st.sampled_from(["", "", "a", "b"]),
+        fresh=st.booleans(),
+    )
+    def offer_the_like(
+        self, index: int, number: int, name: str | None, about: str, *, fresh: bool
+    ) -> None:
+        """What the same announcer might say next, or before, or somebody else might repeat."""
+        change: dict[str, Any] = {"sequence": number, "entity_id": about}
         if fresh:
             change["stamp_ns"] = self.clock.wall_ns()
-        self._repeat(index, change)
+        self._repeat(index, change, name)
 
-    def _ns(self, age: Age) -> int:
-        return int(age[0] * self.naive.ttl) + age[1]
-
-    def _repeat(self, index: int, change: dict[str, int]) -> None:
+    def _repeat(self, index: int, change: dict[str, Any], name: str | None = None) -> None:
         pair = self.pair
         if pair.offers:
             payload, source, envelope = pair.offers[-1 - index % len(pair.offers)]
-            pair.offer(payload, source, **{**envelope, **change})
+            pair.offer(payload, name or source, **{**envelope, **change})
+
+    def _ns(self, age: Age) -> int:
+        return int(age[0] * self.naive.ttl) + int(age[1] * self.naive.expiry) + age[2]
 
     @rule(entity_id=ids, name=speakers, run=runs, crashed=st.booleans())
     def depart(self, entity_id: str, name: str, run: tuple[str, int], *, crashed: bool) -> None:
@@ -298,6 +320,15 @@ class Machine(RuleBasedStateMachine):
         entities = self.naive.entities.items()
         found = [one for one in entities if one[0] in IDS and one[1].status in wanted]
         return min(found, key=lambda one: (wanted.index(one[1].status), one[0]), default=None)
+
+    @rule(number=st.integers(0, 9), after=st.integers(0, 1), name=speakers)
+    def leave_and_be_followed_late(self, number: int, after: int, name: str) -> None:
+        """One that was silent says goodbye, and a message of another, as old, comes after it."""
+        found = self._most(["stale"])
+        if found:
+            entity_id, holder = found[0], found[1].holder
+            self.depart(entity_id, holder.source, (holder.incarnation, 0), crashed=False)
+            self._update(f"{entity_id}{number}", holder.heard + after, name, ("i3", 1))
 
     @rule(hint=hints, age=ages, name=speakers, run=runs)
     def update(self, hint: str, age: Age | None, name: str, run: tuple[str, int]) -> None:
@@ -374,49 +405,14 @@ class Machine(RuleBasedStateMachine):
         wanted = {name: picture(entity) for name, entity in self.naive.entities.items()}
         assert unlike(got, wanted) == []
         for name, stored in by_id.items():
-            self._check_one(stored, now)
+            check_one(stored, self.naive.entities[name], self.store, now)
             assert self.store.get(name) == stored
         assert self.store.snapshot() == [one for one in everything.hints if one.status != "left"]
-        self._check_stats(by_id)
+        check_stats(self.store, self.naive, by_id)
         for reader in (self.faithful, self.lazy):
             reader.follow(self.store, self.naive)
             assert unlike(reader.known, got) == []
             assert list(reader.known) == list(by_id)
-
-    def _check_one(self, stored: StoredHint, now: int) -> None:
-        entity = self.naive.entities[stored.entity_id]
-        assert stored.last_seen_ns == entity.holder.heard
-        assert [one.last_seen_ns for one in stored.claims] == (
-            [entity.holder.heard, *(one.heard for one in entity.contenders)] * stored.conflict
-        )
-        assert len(stored.claims) <= MAX_CLAIMS
-        assert len(stored.history) <= MAX_HISTORY
-        age = stored.age_ns(now)
-        if stored.status == "left":
-            assert stored.cause == "goodbye"
-        else:
-            assert age < self.store.expiry_ns
-            doubtful = age >= self.store.ttl_ns or stored.cause == "lost"
-            assert stored.status == ("stale" if doubtful else "active")
-
-    def _check_stats(self, by_id: dict[str, StoredHint]) -> None:
-        count = Counter(one.status.value for one in by_id.values())
-        claims = [one.claims[1:] for one in by_id.values()]
-        said = [one.hint for one in by_id.values()]
-        said += [one.hint for each in claims for one in each]
-        stats = self.store.stats()
-        assert attrs.asdict(stats) == {
-            "active": count["active"],
-            "stale": count["stale"],
-            "left": count["left"],
-            "conflicts": sum(map(bool, claims)),
-            "bytes": sum(map(hint_bytes, said)),
-            "revision": self.store.revision,
-            **self.naive.totals,
-        }
-        assert stats.bytes == self.naive.bytes <= self.setup.max_bytes
-        assert len(by_id) <= self.setup.max_hints
-        assert self.store.size() == count["active"] + count["stale"]
 
     # -- after each step
 
@@ -427,7 +423,7 @@ class Machine(RuleBasedStateMachine):
         for pair in self.pairs:
             assert pair.disagreements == []
             check_accounts(pair, MAX_SOURCES)
-        self._check_next_deadline()
+        check_next_deadline(self.store, self.naive)
         mark = self.store.revision, self.naive.revision
         assert (mark[0] == self.marks[-1][0]) == (mark[1] == self.marks[-1][1])
         if mark != self.marks[-1]:
@@ -436,12 +432,6 @@ class Machine(RuleBasedStateMachine):
         if self.setup.watched:
             self.look()
         self._check_caps()
-
-    def _check_next_deadline(self) -> None:
-        early, exact = self.store.next_deadline_ns(), self.naive.next_deadline()
-        assert (early is None) == (exact is None)
-        if early is not None and exact is not None:
-            assert exact - self.naive.ttl / 16 <= early <= exact
 
     def _check_caps(self) -> None:
         book, setup, due = self.store._book, self.setup, self.store._book.due

@@ -171,14 +171,55 @@ def test_a_payload_with_a_stamp_of_its_own_is_read_each_time(road: Road) -> None
 
 
 def test_a_stamp_beside_the_payload_keeps_the_short_way(road: Road) -> None:
-    payload = b'{"entity_id": "a"}'
-    for age in (5, 3):
-        road.intake.offer(payload, "r1", stamp_ns=road.clock.wall_ns() - age * S)
+    payload, ms = b'{"entity_id": "a"}', S // 1000
+    for age in (500, 300):
+        road.intake.offer(payload, "r1", stamp_ns=road.clock.wall_ns() - age * ms)
     assert road.decode.calls == 1
-    assert road.store.last_seen_ns("a") == road.clock.monotonic_ns() - 3 * S
-    older = road.intake.offer(payload, "r1", stamp_ns=road.clock.wall_ns() - 4 * S)
+    assert road.store.last_seen_ns("a") == road.clock.monotonic_ns() - 300 * ms
+    older = road.intake.offer(payload, "r1", stamp_ns=road.clock.wall_ns() - 400 * ms)
     assert older.verdict is Verdict.OLDER
-    assert road.store.last_seen_ns("a") == road.clock.monotonic_ns() - 3 * S
+    assert road.store.last_seen_ns("a") == road.clock.monotonic_ns() - 300 * ms
+
+
+def test_a_replayed_message_of_a_source_with_a_good_clock_changes_nothing(road: Road) -> None:
+    old = road.clock.wall_ns()
+    for second in range(400):
+        road.clock.advance(S)
+        name = "v1" if second < 5 else "v2"
+        road.offer(entity_id="a", display_name=name, stamp_ns=road.clock.wall_ns())
+    assert road.offer(entity_id="a", display_name="v1", stamp_ns=old).verdict is Verdict.OLDER
+    assert road.offer(entity_id="ghost", stamp_ns=old).verdict is Verdict.OLDER
+    stored = road.store.get("a")
+    assert stored is not None
+    assert stored.hint.display_name == "v2"
+
+
+def test_a_robot_with_a_slow_clock_is_active_while_it_talks(road: Road) -> None:
+    for _ in range(10):
+        road.clock.advance(S)
+        road.offer(entity_id="a", stamp_ns=road.clock.wall_ns() - 30 * S)
+    stored = road.store.get("a")
+    assert stored is not None
+    assert (stored.status, stored.last_seen_ns) == (Status.ACTIVE, road.clock.monotonic_ns())
+
+
+def test_what_comes_after_an_account_was_folded_away_is_counted_all_the_same(
+    road: Road, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("beacon_core.sources.MAX_SOURCES", 10)
+    decode, intake = road.decode, road.intake
+
+    def fold_meanwhile(payload: bytes) -> Announcement | Malformed:
+        monkeypatch.setattr(intake, "_decode", decode)
+        road.clock.advance(S)
+        for number in range(10):
+            intake.offer(b"junk", f"other-{number}")
+        assert "r1" not in {report.name for report in intake.sources()}
+        return decode(payload)
+
+    monkeypatch.setattr(intake, "_decode", fold_meanwhile)
+    intake.offer(b"junk", "r1")
+    assert sum(intake.totals().values()) == 11
 
 
 def test_repairs_are_reported_each_time(road: Road) -> None:

@@ -10,21 +10,44 @@ S = 1_000_000_000
 EXPIRY = 300 * S
 
 
+def measured(offset_ns: int) -> ClockOffset:
+    clock = ClockOffset()
+    for _ in range(3):
+        clock.observe(stamp_ns=1000 * S - offset_ns, wall_now_ns=1000 * S)
+    return clock
+
+
 @pytest.mark.parametrize("policy", SkewPolicy)
 def test_a_stamp_from_the_future_is_just_now_or_not_believed(policy: SkewPolicy) -> None:
-    assert trusted_age_ns(-5 * S, EXPIRY, policy) == (None if policy == "arrival" else 0)
+    expected = None if policy == "arrival" else 0
+    assert trusted_age_ns(-5 * S, ClockOffset(), EXPIRY, policy) == expected
 
 
 def test_the_age_of_a_plausible_stamp_is_believed_by_stamp_and_auto() -> None:
-    assert trusted_age_ns(7 * S, EXPIRY, SkewPolicy.STAMP) == 7 * S
-    assert trusted_age_ns(7 * S, EXPIRY, SkewPolicy.AUTO) == 7 * S
-    assert trusted_age_ns(7 * S, EXPIRY, SkewPolicy.ARRIVAL) is None
+    for clock in (ClockOffset(), measured(0)):
+        assert trusted_age_ns(7 * S, clock, EXPIRY, SkewPolicy.STAMP) == 7 * S
+        assert trusted_age_ns(7 * S, clock, EXPIRY, SkewPolicy.AUTO) == 7 * S
+        assert trusted_age_ns(7 * S, clock, EXPIRY, SkewPolicy.ARRIVAL) is None
 
 
-def test_auto_does_not_believe_a_stamp_that_would_make_the_hint_invisible() -> None:
-    assert trusted_age_ns(EXPIRY - 1, EXPIRY, SkewPolicy.AUTO) == EXPIRY - 1
-    assert trusted_age_ns(EXPIRY, EXPIRY, SkewPolicy.AUTO) is None
-    assert trusted_age_ns(EXPIRY, EXPIRY, SkewPolicy.STAMP) == EXPIRY
+def test_auto_does_not_believe_an_invisible_stamp_of_a_clock_it_does_not_know() -> None:
+    clock = ClockOffset()
+    assert trusted_age_ns(EXPIRY - 1, clock, EXPIRY, SkewPolicy.AUTO) == EXPIRY - 1
+    assert trusted_age_ns(EXPIRY, clock, EXPIRY, SkewPolicy.AUTO) is None
+    assert trusted_age_ns(EXPIRY, clock, EXPIRY, SkewPolicy.STAMP) == EXPIRY
+
+
+def test_auto_knows_an_old_message_by_a_clock_that_is_right() -> None:
+    assert trusted_age_ns(2 * EXPIRY, measured(0), EXPIRY, SkewPolicy.AUTO) == 2 * EXPIRY
+
+
+@pytest.mark.parametrize("offset_s", [30, 10_000, -30])
+def test_auto_takes_a_measured_offset_off(offset_s: int) -> None:
+    told_ns = (offset_s + 4) * S
+    assert trusted_age_ns(told_ns, measured(offset_s * S), EXPIRY, SkewPolicy.AUTO) == 4 * S
+    assert trusted_age_ns(told_ns, measured(offset_s * S), EXPIRY, SkewPolicy.STAMP) == max(
+        0, told_ns
+    )
 
 
 def test_nothing_is_known_before_the_first_stamp() -> None:
