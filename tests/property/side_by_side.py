@@ -27,6 +27,7 @@ __all__ = [
     "Pair",
     "Reader",
     "check_accounts",
+    "check_caps",
     "check_changes",
     "check_next_deadline",
     "check_one",
@@ -278,3 +279,19 @@ def check_stats(store: HintStore, naive: NaiveStore, by_id: dict[str, StoredHint
     assert stats.bytes == naive.bytes <= naive.max_bytes
     assert len(by_id) <= naive.max_hints
     assert store.size() == count["active"] + count["stale"]
+
+
+def check_caps(store: HintStore, pairs: list[Pair], most_records: int, slack: int) -> None:
+    """Nothing is larger than what it holds allows, nor than its cap."""
+    book, due = store._book, store._book.due
+    assert len(book.records) <= most_records <= book.room.max_hints
+    assert len(book.removals._log) <= book.removals._limit
+    assert len(due._near) <= 2 * most_records + slack
+    assert all(due._slots.values())
+    assert len(due._slots) <= most_records
+    assert len(due._slot_order) <= 2 * most_records + slack + 1
+    assert len(book.room._idle) <= 2 * most_records + slack + 1
+    for pair in pairs:
+        memory = pair.intake._memory
+        assert sum(map(len, memory._known)) == memory._bytes <= memory._max_bytes
+        assert set(memory._payload_of.values()) == set(memory._known)

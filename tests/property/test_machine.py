@@ -69,6 +69,7 @@ from tests.property.side_by_side import (
     Pair,
     Reader,
     check_accounts,
+    check_caps,
     check_changes,
     check_next_deadline,
     check_one,
@@ -431,22 +432,8 @@ class Machine(RuleBasedStateMachine):
             self.marks.append(mark)
         if self.setup.watched:
             self.look()
-        self._check_caps()
-
-    def _check_caps(self) -> None:
-        book, setup, due = self.store._book, self.setup, self.store._book.due
-        self.peak = max(self.peak, len(book.records))
-        assert self.peak <= setup.max_hints
-        assert len(book.removals._log) <= setup.max_removed
-        assert len(due._near) <= 2 * self.peak + SLACK
-        assert all(due._slots.values())
-        assert len(due._slots) <= self.peak
-        assert len(due._slot_order) <= 2 * self.peak + SLACK + 1
-        assert len(book.room._idle) <= 2 * self.peak + SLACK + 1
-        for pair in self.pairs:
-            memory = pair.intake._memory
-            assert sum(map(len, memory._known)) == memory._bytes <= setup.max_remembered
-            assert set(memory._payload_of.values()) == set(memory._known)
+        self.peak = max(self.peak, len(self.naive.entities))
+        check_caps(self.store, self.pairs, self.peak, SLACK)
 
     def teardown(self) -> None:
         if hasattr(self, "steps"):
