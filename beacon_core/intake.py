@@ -20,6 +20,7 @@ from beacon_core.limits import (
     DEFAULT_LIMITS,
     MAX_PAYLOAD_BYTES,
     MAX_REMEMBERED_BYTES,
+    MAX_SOURCE_NAME,
     HintLimits,
 )
 from beacon_core.memory import PayloadMemory
@@ -150,7 +151,10 @@ class Intake:
         """
         account = self._account(source)
         verdict = self.store.goodbye(
-            entity_id, source=account.name, incarnation=incarnation, sequence=sequence
+            entity_id,
+            source=account.name,
+            incarnation=incarnation[:MAX_SOURCE_NAME],
+            sequence=sequence,
         )
         return self._finish(account, Outcome(verdict, entity_id))
 
@@ -163,7 +167,10 @@ class Intake:
         """
         account = self._account(source)
         verdict = self.store.lost(
-            entity_id, source=account.name, incarnation=incarnation, reason=reason
+            entity_id,
+            source=account.name,
+            incarnation=incarnation[:MAX_SOURCE_NAME],
+            reason=reason[:MAX_SOURCE_NAME],
         )
         return self._finish(account, Outcome(verdict, entity_id))
 
@@ -225,7 +232,8 @@ class Intake:
             with self._lock:
                 sent_ns = self._sent_ns(account, stamped, self._now_ns())
             self._report_skew(account)
-        message = Claimant(hint, account.name, incarnation, sequence, sent_ns, text_bytes)
+        run = incarnation[:MAX_SOURCE_NAME]
+        message = Claimant(hint, account.name, run, sequence, sent_ns, text_bytes)
         with self._lock:
             verdict, record, version = self.store.take(message)
             if verdict in ACCEPTED:
@@ -235,7 +243,7 @@ class Intake:
                 # A payload with a stamp of its own is never the same again; one with repairs is
                 # read again each time, so that they are reported each time.
                 if record is not None and not stamped and not repairs:
-                    self._memory.remember(payload, account, incarnation, record, version)
+                    self._memory.remember(payload, account, run, record, version)
                 return Outcome(verdict, hint.entity_id, repairs)
         return self._finish(account, Outcome(verdict, hint.entity_id, repairs))
 

@@ -84,7 +84,8 @@ MAX_SOURCES = 10_000
 into the totals, strangers before settled ones, so a flood of invented names displaces itself."""
 
 MAX_SOURCE_NAME = 256
-"""Characters of a source's name that count; names come from outside and are kept."""
+"""Characters of a source's name, an incarnation's and a reason that count: they come from outside
+and are kept."""
 
 MAX_REMEMBERED_BYTES = 16 * 1024 * 1024
 """Payloads remembered so that an unchanged one need not be decoded: 10,000 fleet-sized hints with

@@ -15,7 +15,7 @@ from beacon_core.errors import ConfigError
 from beacon_core.hint import Announcement, BeaconHint
 from beacon_core.intake import Intake
 from beacon_core.lifecycle import Status
-from beacon_core.limits import MAX_PAYLOAD_BYTES, HintLimits
+from beacon_core.limits import MAX_PAYLOAD_BYTES, MAX_SOURCE_NAME, HintLimits
 from beacon_core.outcome import Outcome, Verdict
 from beacon_core.ports.adapter import Malformed
 from beacon_core.skew import SkewPolicy
@@ -302,6 +302,17 @@ def test_an_announcer_that_closes_may_say_all_its_goodbyes_at_once(
         road.offer(entity_id=entity_id)
     for entity_id in "abc":
         assert road.intake.goodbye(entity_id, "r1").verdict is Verdict.LEFT
+
+
+def test_what_carriers_say_of_a_sender_is_kept_short(road: Road) -> None:
+    long, payload = "i" * 100_000, b'{"entity_id": "a"}'
+    for sequence in (1, 2):
+        assert road.intake.offer(payload, "r1", incarnation=long, sequence=sequence).accepted
+    road.intake.lost("a", "r1", incarnation=long, reason=long)
+    stored = road.store.get("a")
+    assert stored is not None
+    assert len(stored.incarnation) == len(stored.detail) == MAX_SOURCE_NAME
+    assert road.intake.goodbye("a", "r1", incarnation=long, sequence=3).verdict is Verdict.LEFT
 
 
 def test_a_full_store_is_a_verdict(make: Callable[..., Road]) -> None:
