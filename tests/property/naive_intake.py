@@ -21,6 +21,7 @@ MAX_PAYLOAD_BYTES = 256 * 1024
 BAD_INPUT_COST = 9
 WINDOW = 64
 ENOUGH_STAMPS = 3
+CONVINCING_STAMPS = 4
 TOLERATED = 10**9
 NAME_CHARACTERS = 256
 ACCEPTED = {"new", "changed", "refreshed", "contended", "left", "lost"}
@@ -76,7 +77,9 @@ class Account:
     settled: bool = False
     repaired: int = 0
     delays: list[int] = attrs.Factory(list)
-    """Our wall clock less each stamp."""
+    """Our wall clock less each stamp, since its clock was last found to have been set."""
+    elsewhere: list[int] = attrs.Factory(list)
+    """The latest of them in a row that agree with each other, and not with the offset."""
     distrusted: int = 0
 
     @property
@@ -84,6 +87,17 @@ class Account:
         """The smallest delay of the window that is being filled and the full one before it."""
         begin = max(0, (len(self.delays) - 1) // WINDOW - 1) * WINDOW
         return min(self.delays[begin:], default=None)
+
+    def note_delay(self, delay: int) -> None:
+        self.delays.append(delay)
+        if delay - (self.offset or 0) <= TOLERATED:
+            self.elsewhere = []
+        elif self.elsewhere and abs(delay - self.elsewhere[0]) <= TOLERATED:
+            self.elsewhere.append(delay)
+        else:
+            self.elsewhere = [delay]
+        if len(self.elsewhere) == CONVINCING_STAMPS:
+            self.delays, self.elsewhere = [delay] * CONVINCING_STAMPS, []
 
 
 class NaiveIntake:
@@ -167,7 +181,7 @@ class NaiveIntake:
         if not stamp:
             return now
         told = wall - stamp
-        account.delays.append(told)
+        account.note_delay(told)
         known = len(account.delays) >= ENOUGH_STAMPS
         age: int | None = max(0, told)
         if self.policy == "arrival" or (

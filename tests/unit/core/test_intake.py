@@ -203,6 +203,21 @@ def test_a_robot_with_a_slow_clock_is_active_while_it_talks(road: Road) -> None:
     assert (stored.status, stored.last_seen_ns) == (Status.ACTIVE, road.clock.monotonic_ns())
 
 
+@pytest.mark.parametrize("before_s", [0, 30, 3600, -30, -3600])
+@pytest.mark.parametrize("after_s", [0, 30, 3600, -30, -3600])
+def test_a_robot_whose_clock_is_set_or_ours_is_never_stale_while_it_talks(
+    road: Road, before_s: int, after_s: int
+) -> None:
+    for beat in range(100):
+        road.clock.advance(2 * S)
+        ahead_s = before_s if beat < 50 else after_s
+        road.offer(entity_id="a", stamp_ns=road.clock.wall_ns() + ahead_s * S)
+        # Before its clock is known, a slow one may look as if its messages were late.
+        stored = road.store.get("a")
+        assert stored is not None
+        assert beat < 3 or stored.status is Status.ACTIVE
+
+
 def test_what_comes_after_an_account_was_folded_away_is_counted_all_the_same(
     road: Road, monkeypatch: pytest.MonkeyPatch
 ) -> None:
