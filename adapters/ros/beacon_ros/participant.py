@@ -1,0 +1,109 @@
+"""One ROS context per domain and process, shared by all who need one.
+
+A context is a DDS participant: eleven threads, and every other participant of the network keeps a
+record of it. So a gateway with two sources, or a test with ten announcers, has one. It is made
+without ROS's signal handlers (they would shut it down behind our back), without its log files, and
+without a look at this program's command line.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import threading
+from typing import TYPE_CHECKING
+
+import attrs
+from rclpy.context import Context
+from rclpy.node import Node
+
+from beacon_core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+__all__ = ["OwnNode"]
+
+
+class OwnNode:
+    """A node of ours in the shared context. Thread rule: any thread; ``close`` is idempotent.
+
+    Its name begins with ``_``, which hides it in ROS's tools, as other infrastructure does, and
+    tells other gateways that there is nothing to ask here.
+    """
+
+    def __init__(self, role: str, domain_id: int | None, *, parameter_services: bool = False):
+        """``domain_id`` ``None``: that of the environment (ROS_DOMAIN_ID).
+
+        Raises ``ConfigError`` for a domain that cannot be joined.
+        """
+        self._shared = _acquire(domain_id)
+        self.context = self._shared.context
+        try:
+            self.node = Node(
+                f"_beacon_{role}_{os.getpid()}_{next(_numbers)}",
+                context=self.context,
+                use_global_arguments=False,
+                enable_rosout=False,
+                start_parameter_services=parameter_services,
+            )
+        except BaseException:
+            _release(self._shared)
+            raise
+        self._lock = threading.Lock()
+        self._closed = False
+
+    def close(self) -> None:
+        """Destroy the node, and the context with the last of its nodes. Whatever runs on the node
+        must have ended."""
+        with self._lock:
+            if self._closed:
+                return
+            self._closed = True
+        self.node.destroy_node()
+        _release(self._shared)
+
+
+@attrs.define(eq=False)
+class _Shared:
+    context: Context
+    key: int | None
+    users: int = 0
+
+
+_numbers: Iterator[int] = itertools.count(1)
+_lock = threading.Lock()
+_contexts: dict[tuple[int, int | None], _Shared] = {}
+
+
+def _acquire(domain_id: int | None) -> _Shared:
+    # A forked child has none of the context's threads: it gets a context of its own.
+    key = (os.getpid(), domain_id)
+    with _lock:
+        shared = _contexts.get(key)
+        if shared is None or not shared.context.ok():
+            shared = _contexts[key] = _Shared(_new_context(domain_id), domain_id)
+        shared.users += 1
+        return shared
+
+
+def _release(shared: _Shared) -> None:
+    with _lock:
+        shared.users -= 1
+        if shared.users:
+            return
+        key = (os.getpid(), shared.key)
+        if _contexts.get(key) is shared:
+            del _contexts[key]
+    shared.context.try_shutdown()
+    shared.context.destroy()
+
+
+def _new_context(domain_id: int | None) -> Context:
+    context = Context()
+    try:
+        context.init(args=[], initialize_logging=False, domain_id=domain_id)
+    except Exception as error:  # RCLError, which is not a public name
+        named = f"domain_id: {domain_id}" if domain_id is not None else "the ROS environment"
+        raise ConfigError(f"{named}: ROS refuses it: {error}") from error
+    return context

@@ -1,0 +1,41 @@
+"""Hints as ROS 2 parameters of the nodes that they are about: ``ros2_medkit.discovery.*``.
+
+Making a source or an announcer needs rclpy; importing this package does not.
+See docs/adapters/ros_param.md.
+"""
+
+from __future__ import annotations
+
+from beacon_core.ports.adapter import Adapter
+from beacon_core.ports.announcer import Announcer
+from beacon_core.ports.source import HintSource
+from beacon_core.wire import json
+from beacon_ros.environment import need_rclpy
+from beacon_ros_param.options import RosParamOptions
+
+__all__ = ["ADAPTER", "RosParamOptions"]
+
+
+def _source(options: RosParamOptions) -> HintSource:
+    need_rclpy("ros_param")
+    from beacon_ros_param.source import RosParamSource  # noqa: PLC0415 - needs what may be missing
+
+    return RosParamSource(options)
+
+
+def _announcer(options: RosParamOptions, period_s: float | None) -> Announcer:
+    need_rclpy("ros_param")
+    from beacon_ros_param.announcer import RosParamAnnouncer  # noqa: PLC0415 - the same
+
+    return RosParamAnnouncer(options, period_s)
+
+
+ADAPTER = Adapter(
+    name="ros_param",
+    options=RosParamOptions,
+    decode=json.decode,
+    source=_source,
+    announcer=_announcer,
+    default_ttl_s=15.0,
+)
+"""Chosen in a configuration as ``ros_param``."""
