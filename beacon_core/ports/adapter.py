@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import attrs
 
 from beacon_core.hint import Announcement
 from beacon_core.ports.announcer import Announcer
+from beacon_core.ports.examination import Finding
 from beacon_core.ports.source import HintSource
 
 __all__ = ["ENTRY_POINT_GROUP", "Adapter", "Decoder", "Malformed"]
@@ -41,3 +42,12 @@ class Adapter:
     announcer: Callable[[Any, float | None], Announcer]
     """Makes an announcer from ``options`` and a period in seconds (``None``: only when told)."""
     default_ttl_s: float = 10.0
+    vendor_endpoint: str = ""
+    """Where a gateway serves what it heard by this carrier of one entity, such as
+    ``x-medkit-topic-beacon``: beginning with ``x-``, for it stands among the standard's own names.
+    ``""``: nowhere of its own."""
+    examine: Callable[[Any, float], Iterable[Finding]] | None = None
+    """Looks at the carrier with these ``options``, as a source would see it, for about so many
+    seconds at most (less where it is clear sooner), and says what it finds: for a person whose view
+    is empty. Called in a thread of its own, beside a gateway that may be running. What it finds is
+    never raised; an iterator may tell each finding as soon as it is known."""

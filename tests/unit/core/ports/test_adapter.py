@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 
 from beacon_core.hint import Announcement, BeaconHint
 from beacon_core.ports.adapter import ENTRY_POINT_GROUP, Adapter, Decoder, Malformed
+from beacon_core.ports.examination import Finding, Level
 
 PYPROJECT = Path(__file__).parents[4] / "pyproject.toml"
 
@@ -38,6 +40,21 @@ def test_our_own_adapters_are_registered_in_the_group_everyone_uses() -> None:
 
 def test_a_hint_lives_ten_seconds_unless_the_adapter_knows_better() -> None:
     assert ADAPTER.default_ttl_s == 10.0
+
+
+def test_an_endpoint_of_its_own_and_an_examination_are_for_those_who_offer_them() -> None:
+    assert ADAPTER.vendor_endpoint == ""
+    assert ADAPTER.examine is None
+
+
+def test_an_examination_tells_what_it_finds_with_these_options() -> None:
+    def examine(options: Options, seconds: float) -> Iterator[Finding]:
+        yield Finding(Level.OK, f"looked for {seconds} s with {options}")
+
+    adapter = attrs.evolve(ADAPTER, examine=examine)
+    assert adapter.examine is not None
+    (finding,) = adapter.examine(Options(), 2.5)
+    assert finding == Finding(Level.OK, "looked for 2.5 s with Options()")
 
 
 def test_an_adapter_cannot_be_changed() -> None:
