@@ -32,7 +32,9 @@ class OwnNode:
     tells other gateways that there is nothing to ask here.
     """
 
-    def __init__(self, role: str, domain_id: int | None, *, parameter_services: bool = False):
+    def __init__(
+        self, role: str, domain_id: int | None, *, parameter_services: bool = False
+    ) -> None:
         """``domain_id`` ``None``: that of the environment (ROS_DOMAIN_ID).
 
         Raises ``ConfigError`` for a domain that cannot be joined.

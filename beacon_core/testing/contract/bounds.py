@@ -7,6 +7,7 @@ from typing import Any
 import attrs
 import pytest
 
+from beacon_core.errors import UsageError
 from beacon_core.hint import BeaconHint
 from beacon_core.lifecycle import Cause, Status
 from beacon_core.limits import DEFAULT_LIMITS, MAX_PAYLOAD_BYTES
@@ -228,7 +229,11 @@ class BoundsChecks(ContractBase):
 
     @staticmethod
     def _send_stamped(harness: Harness, stamp_ns: int) -> None:
-        harness.send_raw("engine", harness.encode(hint("engine"), stamp_ns))
+        try:
+            payload = harness.encode(hint("engine"), stamp_ns)
+        except UsageError as refusal:
+            pytest.skip(f"{harness.adapter.name}: its wire format has no such stamp: {refusal}")
+        harness.send_raw("engine", payload)
 
     @staticmethod
     def _age_ns(harness: Harness, listener: Listener) -> int:

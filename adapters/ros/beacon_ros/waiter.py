@@ -1,0 +1,123 @@
+"""A thread that waits on a ROS wait set of its own, and is ended in an order that ROS survives.
+
+Everything that the owner is called with is called in this thread: it needs no lock against itself,
+and once the thread has ended no call can follow. At the interpreter's exit what is still open is
+ended first: a thread inside ROS while the interpreter is dismantled ends the process with SIGABRT.
+"""
+
+from __future__ import annotations
+
+import atexit
+import logging
+import threading
+import weakref
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.context import Context
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+
+__all__ = ["Event", "Waiter"]
+
+_log = logging.getLogger(__name__)
+
+_EXIT_WITHIN_S = 1.0
+
+Event = tuple[Any, Callable[[Any], None]]
+"""rclpy's handle of a QoS event, and what to do with its status."""
+
+
+class Waiter:
+    """Thread rule: ``start`` once; ``wake`` and ``close`` from any thread.
+
+    ``step`` is called first, after each ``wake`` and after as many seconds as it returned
+    (``None``: no need). ``on_end`` is the last call, with why it ended by itself, ``""`` if it was closed.
+    The context must live until then.
+    """
+
+    def __init__(
+        self,
+        context: Context,
+        step: Callable[[], float | None],
+        on_end: Callable[[str], None],
+        *events: Event,
+        subscription: Any = None,
+        drain: Callable[[], bool] = lambda: False,
+    ) -> None:
+        """``drain`` takes what ``subscription`` holds, and says whether there may be more."""
+        self._context = context
+        self._step = step
+        self._on_end = on_end
+        self._events = events
+        self._subscription = subscription
+        self._drain = drain
+        self._guard = _rclpy.GuardCondition(context.handle)
+        self._thread = threading.Thread(target=self._run, name="beacon-ros", daemon=True)
+        self._closing = False
+
+    @property
+    def closing(self) -> bool:
+        """Has it been told to end?"""
+        return self._closing
+
+    def start(self) -> None:
+        """Begin to wait."""
+        _open.add(self)
+        self._thread.start()
+
+    def wake(self) -> None:
+        """Let ``step`` be called soon."""
+        if self._thread.is_alive():
+            self._guard.trigger_guard_condition()
+
+    def close(self, within_s: float) -> bool:
+        """End it, and say whether it has ended. Called by its own thread, it ends afterwards."""
+        self._closing = True
+        self.wake()
+        if self._thread is threading.current_thread() or not self._thread.is_alive():
+            return True
+        self._thread.join(within_s)
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        error = ""
+        try:
+            self._wait()
+        except Exception as failure:  # noqa: BLE001 - whatever rclpy raises when a context ends
+            error = f"reading ended: {failure}"
+            if not self._context.ok():
+                error = "the ROS context was shut down"
+            elif not self._closing:
+                _log.exception("a thread of the ROS adapter ended")
+        for handle, _ in self._events:
+            handle.destroy_when_not_in_use()
+        if self._subscription is not None:
+            self._subscription.destroy_when_not_in_use()
+        self._on_end("" if self._closing else error)
+
+    def _wait(self) -> None:
+        subscriptions = 0 if self._subscription is None else 1
+        waits = _rclpy.WaitSet(subscriptions, 1, 0, 0, 0, len(self._events), self._context.handle)
+        more = False
+        while not self._closing:
+            wait_s = self._step()
+            waits.clear_entities()
+            if self._subscription is not None:
+                waits.add_subscription(self._subscription)
+            waits.add_guard_condition(self._guard)
+            places = [waits.add_event(handle) for handle, _ in self._events]
+            waits.wait(0 if more else -1 if wait_s is None else max(0, round(wait_s * 1e9)))
+            more = self._drain()
+            for place, (handle, tell) in zip(places, self._events, strict=True):
+                if waits.is_ready("event", place):
+                    tell(handle.take_event())
+        waits.destroy_when_not_in_use()
+
+
+_open: weakref.WeakSet[Waiter] = weakref.WeakSet()
+
+
+@atexit.register
+def _close_all() -> None:
+    for waiter in list(_open):
+        waiter.close(_EXIT_WITHIN_S)

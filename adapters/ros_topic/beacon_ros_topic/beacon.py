@@ -1,0 +1,125 @@
+"""A beacon for one node: three lines in anybody's rclpy program."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import attrs
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from beacon_core.errors import ConfigError, UsageError
+from beacon_core.hint import BeaconHint
+from beacon_core.validator import is_valid_id
+from beacon_core.wire import cdr
+from beacon_ros.farewell import say_last
+from beacon_ros.process import identified
+from beacon_ros.rawtype import message_type
+from beacon_ros_topic.message import TYPE_HASH, TYPE_NAME, farewell
+from beacon_ros_topic.options import DEFAULT_TOPIC
+
+__all__ = ["BEACON_QOS", "TopicBeacon"]
+
+BEACON_QOS = QoSProfile(
+    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
+"""Offers the most, so that every listener can hear it; the last word is all that matters."""
+
+_FAREWELL_WITHIN_S = 0.5
+
+
+class TopicBeacon:
+    """Announces one entity from a node, as long as the node is spun.
+
+    ::
+
+        beacon = TopicBeacon(node, BeaconHint("engine_temp", depends_on=("engine",)), period_s=2.0)
+        ...
+        beacon.update(metadata={"mode": "calibrating"})  # sent at once
+
+    Process id, process name and hostname are this process's unless the hint gives them. It says
+    goodbye on ``close``, and when the node's ROS context is shut down (Ctrl-C included) while the
+    node still exists. The period is one of real time, whatever ``use_sim_time`` says.
+
+    Thread rule: any thread.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        hint: BeaconHint,
+        period_s: float = 2.0,
+        *,
+        topic: str = DEFAULT_TOPIC,
+        qos: QoSProfile = BEACON_QOS,
+    ) -> None:
+        """Speaks at once. Raises ``UsageError`` for an id that is none, ``ConfigError`` for a
+        period that is not above 0, or where the message type is neither installed nor to be made.
+        """
+        if not 0 < period_s < float("inf"):
+            raise ConfigError(f"period_s: {period_s!r} cannot be used; write seconds above 0")
+        self._node = node
+        self._hint = identified(_checked(hint))
+        self._payload = cdr.encode(self._hint)
+        self._lock = threading.Lock()
+        self._closed = False
+        self._publisher = node.create_publisher(message_type(TYPE_NAME, TYPE_HASH), topic, qos)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = node.create_timer(period_s, self._say, clock=steady)
+        node.context.on_shutdown(self._on_shutdown)
+        self._say()
+
+    @property
+    def hint(self) -> BeaconHint:
+        """What it says."""
+        return self._hint
+
+    def update(self, **fields: Any) -> None:
+        """Change fields of the hint (not ``entity_id``) and send it at once.
+
+        Raises ``UsageError`` for a field that does not exist, and after ``close``.
+        """
+        unknown = fields.keys() - (attrs.fields_dict(BeaconHint).keys() - {"entity_id"})
+        if unknown:
+            raise UsageError(f"update: {', '.join(sorted(unknown))} cannot be changed in a hint")
+        with self._lock:
+            if self._closed:
+                raise UsageError("update: this beacon is closed; make a new one")
+            self._hint = attrs.evolve(self._hint, **fields)
+            self._payload = cdr.encode(self._hint)
+        self._say()
+
+    def close(self) -> None:
+        """Say goodbye and stop. Idempotent, within 1 s; before the node is destroyed."""
+        if self._say_goodbye():
+            self._node.destroy_timer(self._timer)
+            self._node.destroy_publisher(self._publisher)
+
+    def _say(self) -> None:
+        with self._lock:
+            if not self._closed and self._node.context.ok():
+                self._publisher.publish(self._payload)
+
+    def _on_shutdown(self) -> None:
+        """ROS calls it when the context has been shut down already."""
+        self._say_goodbye()
+
+    def _say_goodbye(self) -> bool:
+        """The first call says it."""
+        with self._lock:
+            if self._closed:
+                return False
+            self._closed = True
+        say_last(self._publisher, [farewell(self._hint.entity_id)], _FAREWELL_WITHIN_S)
+        return True
+
+
+def _checked(hint: BeaconHint) -> BeaconHint:
+    if not is_valid_id(hint.entity_id):
+        raise UsageError(
+            f"entity_id {hint.entity_id!r} is no id; write 1 to 256 letters, digits, '_' or '-'"
+        )
+    return hint

@@ -1,0 +1,124 @@
+"""A ROS topic as the contract suite wants it, in ROS domains of its own; and announcers to kill."""
+
+from __future__ import annotations
+
+import signal
+import struct
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rclpy.publisher import Publisher
+
+from beacon_core.hint import BeaconHint
+from beacon_core.ports.adapter import Adapter
+from beacon_core.ports.announcer import Announcer
+from beacon_core.testing.harness import Capabilities, RealTimeHarness
+from beacon_core.wire import cdr
+from beacon_ros.domains import DomainLease
+from beacon_ros.mortal import MortalAnnouncer
+from beacon_ros.participant import OwnNode
+from beacon_ros.rawtype import message_type
+from beacon_ros_topic import ADAPTER
+from beacon_ros_topic.message import GOODBYE, TYPE_HASH, TYPE_NAME, farewell
+from beacon_ros_topic.options import RosTopicOptions
+from beacon_ros_topic.qos import profile
+
+__all__ = ["HOSTILE_CDR", "RosTopicHarness"]
+
+
+def _altered(field_value: bytes, at: int) -> bytes:
+    """A good message with four bytes replaced, counted from the end."""
+    good = bytearray(cdr.encode(BeaconHint("hostile"), 1))
+    good[len(good) + at : len(good) + at + 4] = field_value
+    return bytes(good)
+
+
+HOSTILE_CDR: Mapping[str, bytes] = {
+    "stamp-negative": _altered(struct.pack("<i", -1), -8),
+    "nanosec-huge": _altered(b"\xff\xff\xff\xff", -4),
+    "metadata-endless": _altered(b"\xff\xff\xff\xff", -12),
+    "big-endian": cdr.encode(BeaconHint("hostile"), big_endian=True),
+    "not-utf-8": cdr.encode(BeaconHint("hostile", display_name="xyz")).replace(
+        b"xyz", b"\xff\xc3z"
+    ),
+    "bytes-behind": cdr.encode(BeaconHint("hostile")) + b"\xde\xad\xbe\xef" * 5,
+    "mark-of-a-goodbye-alone": GOODBYE,
+    "goodbye-for-nobody": farewell(""),
+    "goodbye-for-a-stranger": farewell("../../etc/passwd\n"),
+    "goodbye-in-pieces": farewell("hostile")[:7] + GOODBYE,
+}
+"""Messages about ``hostile``, each with something wrong: repaired, or refused; never a fault."""
+
+
+class RosTopicHarness(RealTimeHarness):
+    """A :class:`beacon_core.testing.harness.Harness`; each ``network`` is a ROS domain."""
+
+    adapter: Adapter = ADAPTER
+    capabilities = Capabilities(vouches_for_ids=False)
+    quiet_s = 0.15  # within one machine what comes comes within a few ms
+    hostile_payloads: Mapping[str, bytes] = HOSTILE_CDR
+    bad_options: Sequence[Mapping[str, Any]] = (
+        {"topic": ""},
+        {"topic": "ros2_medkit/discovery"},
+        {"topic": "/ros2_medkit/"},
+        {"topic": "/2fast"},
+        {"topic": 7},
+        {"domain_id": -1},
+        {"domain_id": 233},
+        {"domain_id": True},
+        {"domain_id": "7"},
+        {"reliability": "mostly"},
+        {"reliability": None},
+        {"durability": "persistent"},
+        {"depth": 0},
+        {"depth": 1.5},
+        {"depth": 10**7},
+    )
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._domains: dict[int, DomainLease] = {}
+        self._strangers: dict[str, tuple[OwnNode, Publisher]] = {}
+
+    def options(self, network: int = 0) -> RosTopicOptions:
+        if network not in self._domains:
+            self._domains[network] = DomainLease()
+        return RosTopicOptions(domain_id=self._domains[network].domain_id)
+
+    def announcer(
+        self, period_s: float | None = None, network: int = 0, *, mortal: bool = False
+    ) -> Announcer:
+        if not mortal:
+            return super().announcer(period_s, network)
+        announcer = MortalAnnouncer("beacon_ros_topic", self.options(network), period_s)
+        self._made.append(announcer)
+        return announcer
+
+    def crash(self, announcer: Announcer) -> None:
+        assert isinstance(announcer, MortalAnnouncer)  # noqa: S101 - for the type checker
+        announcer.end(signal.SIGKILL)
+
+    def encode(self, hint: BeaconHint, stamp_ns: int = 0) -> bytes:
+        return cdr.encode(hint, stamp_ns)
+
+    def send_raw(self, entity_id: str, payload: bytes, *, sender: str = "stranger") -> None:  # noqa: ARG002
+        if sender not in self._strangers:
+            self._strangers[sender] = self._stranger()
+        self._strangers[sender][1].publish(payload)
+
+    def close(self) -> None:
+        super().close()
+        for node, _ in self._strangers.values():
+            node.close()
+        for lease in self._domains.values():
+            lease.close()
+
+    def _stranger(self) -> tuple[OwnNode, Publisher]:
+        """A publisher that the sources there are have found."""
+        options = self.options()
+        own = OwnNode("stranger", options.domain_id)
+        publisher = own.node.create_publisher(
+            message_type(TYPE_NAME, TYPE_HASH), options.topic, profile(options)
+        )
+        self.wait_until(lambda: publisher.get_subscription_count() > 0, self.patience_s)
+        return own, publisher

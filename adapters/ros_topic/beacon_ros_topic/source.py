@@ -1,0 +1,210 @@
+"""The receiving half: a topic's messages, with their publishers, into a sink."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+
+from rclpy.node import Node
+
+from beacon_core.errors import UsageError
+from beacon_core.ports.health import Condition, Health
+from beacon_core.ports.sink import HintSink
+from beacon_ros.graph import Endpoint, publishers
+from beacon_ros.participant import OwnNode
+from beacon_ros.rawtype import message_type
+from beacon_ros.reader import Reader
+from beacon_ros_topic.message import GOODBYE, NO_STAMP, TYPE_HASH, TYPE_NAME, said_goodbye
+from beacon_ros_topic.options import RosTopicOptions
+from beacon_ros_topic.qos import misfit, profile
+from beacon_ros_topic.roster import Publisher, Roster
+
+__all__ = ["RosTopicSource"]
+
+_log = logging.getLogger(__name__)
+
+_CLOSE_WITHIN_S = 0.9
+
+_LOOK_AFTER_S = (0.0, 0.1, 0.5, 2.0)
+"""When the graph is looked at after a publisher came or went: it may lag behind the event, and a
+publisher's node has no name in it for the first 100 ms."""
+
+_NO_NUMBER = 2**64 - 1
+"""What a middleware says that does not number messages."""
+
+_SHOWN = 3
+"""Publishers that cannot be heard that health names; of the others it tells the number."""
+
+
+class RosTopicSource:
+    """Implements :class:`beacon_core.ports.source.HintSource`; the thread rule is the port's.
+
+    The sink's ``source`` is the GID of the publisher, in hexadecimal, and so is the incarnation: a
+    publisher lives as long as the run of its process. The middleware fills in the GID, the number
+    of each message and, where a message has no stamp, the time it was published; so this holds for
+    any publisher in any language. Without SROS2 anybody may publish about anybody.
+    """
+
+    def __init__(self, options: RosTopicOptions, *, node: Node | None = None) -> None:
+        """Opens nothing. ``node``: one of your own to join (it must live until ``close`` has
+        returned, and need not be spun for this); without, it has a hidden node of its own.
+
+        Raises ``ConfigError`` where the message type is not installed and cannot be made.
+        """
+        self._options = options
+        self._type = message_type(TYPE_NAME, TYPE_HASH)
+        self._given_node = node
+        self._own: OwnNode | None = None
+        self._reader: Reader | None = None
+        self._closed = False
+        self._ended = ""
+        self._starting = threading.Lock()
+        # The rest belongs to the reader's thread; health reads what is replaced as a whole.
+        self._roster = Roster()
+        self._looks: list[float] = []
+        self._complaints: tuple[str, ...] = ()
+        self._counters = dict.fromkeys(
+            ("messages", "goodbyes", "lost", "incompatible", "matched", "sink-errors"), 0
+        )
+
+    def start(self, sink: HintSink) -> None:
+        with self._starting:
+            if self._closed or self._reader is not None:
+                raise UsageError("start: it was started or closed already; make a new one")
+            self._sink, self._offer = sink, sink.offer
+            node = self._given_node
+            if node is None:
+                self._own = OwnNode("topic_source", self._options.domain_id)
+                node = self._own.node
+            self._node = node
+            self._reader = Reader(
+                node, self._type, self._options.topic, profile(self._options), self
+            )
+            self._look_soon()
+            self._reader.start()
+
+    def close(self) -> None:
+        with self._starting:
+            self._closed = True
+        if self._reader is not None:
+            self._reader.close(_CLOSE_WITHIN_S)
+
+    def health(self) -> Health:
+        counters = {
+            **self._counters,
+            "publishers": len(self._roster),
+            "refused": self._roster.refused,
+        }
+        if self._closed:
+            return Health(Condition.CLOSED, counters=counters)
+        if self._reader is None:
+            return Health(Condition.STARTING, counters=counters)
+        if self._ended:
+            detail = f"{self._ended}; start the gateway again"
+            return Health(Condition.DOWN, detail, counters)
+        complaints = self._complaints
+        if not complaints:
+            return Health(Condition.UP, counters=counters)
+        others = len(complaints) - _SHOWN
+        more = f"; and {others} more" if others > 0 else ""
+        return Health(Condition.DEGRADED, "; ".join(complaints[:_SHOWN]) + more, counters)
+
+    # -- in the reader's thread ------------------------------------------------------------------
+
+    def on_message(self, payload: bytes, gid: bytes, sequence: int, stamp_ns: int) -> None:
+        """The road of every message."""
+        self._counters["messages"] += 1
+        publisher = self._roster.find(gid)
+        name = publisher.name
+        number = 0 if sequence == _NO_NUMBER else sequence
+        try:
+            if payload.endswith(GOODBYE) and (entity_id := said_goodbye(payload)):
+                self._goodbye(publisher, entity_id, number)
+                return
+            outcome = self._offer(
+                payload,
+                name,
+                # One clock per sender: a stamp of its own may be of simulated time, the
+                # middleware's never is.
+                stamp_ns=stamp_ns if payload.endswith(NO_STAMP) else 0,
+                incarnation=name,
+                sequence=number,
+            )
+        except Exception:  # noqa: BLE001 - sinks do not raise; one that does must not end this
+            self._sink_raised()
+            return
+        if outcome.accepted and outcome.entity_id not in publisher.entities:
+            self._roster.spoke(publisher, outcome.entity_id)
+
+    def on_matched(self, publishers: int) -> None:
+        """A publisher came or went."""
+        self._counters["matched"] = publishers
+        self._look_soon()
+
+    def on_incompatible(self, total: int) -> None:
+        """One came that cannot be heard."""
+        self._counters["incompatible"] = total
+        self._look_soon()
+
+    def step(self) -> float | None:
+        """Look at the graph when that is due."""
+        if not self._looks:
+            return None
+        now_s = time.monotonic()
+        if self._looks[0] <= now_s:
+            del self._looks[0]
+            self._look()
+        return max(0.0, self._looks[0] - now_s) if self._looks else None
+
+    def on_end(self, error: str) -> None:
+        """The reader has ended."""
+        self._ended = error
+        if error:
+            _log.error("%s: %s", self._options.topic, error)
+        if self._own is not None:
+            self._own.close()
+
+    def _look_soon(self) -> None:
+        now_s = time.monotonic()
+        self._looks = [now_s + after_s for after_s in _LOOK_AFTER_S]
+
+    def _look(self) -> None:
+        listed = publishers(self._node, self._options.topic)
+        for publisher in self._roster.gone(one.gid for one in listed):
+            for entity_id in publisher.entities:
+                self._lose(publisher, entity_id)
+        self._complain(listed)
+
+    def _complain(self, listed: list[Endpoint]) -> None:
+        complaints = tuple(
+            complaint for one in listed if (complaint := self._complaint(one)) is not None
+        )
+        for complaint in complaints:
+            if complaint not in self._complaints:
+                _log.warning("%s: %s", self._options.topic, complaint)
+        self._complaints = complaints
+
+    def _complaint(self, publisher: Endpoint) -> str | None:
+        if publisher.type_name != TYPE_NAME:
+            name = publisher.node or publisher.gid.hex()
+            return f"{name} is not heard: it publishes {publisher.type_name}, not {TYPE_NAME}"
+        return misfit(self._options, publisher) or None
+
+    def _goodbye(self, publisher: Publisher, entity_id: str, sequence: int) -> None:
+        self._counters["goodbyes"] += 1
+        self._roster.left(publisher, entity_id)
+        name = publisher.name
+        self._sink.goodbye(entity_id, name, incarnation=name, sequence=sequence)
+
+    def _lose(self, publisher: Publisher, entity_id: str) -> None:
+        self._counters["lost"] += 1
+        name, why = publisher.name, "its publisher left the ROS graph without a goodbye"
+        try:
+            self._sink.lost(entity_id, name, incarnation=name, reason=why)
+        except Exception:  # noqa: BLE001 - as above
+            self._sink_raised()
+
+    def _sink_raised(self) -> None:
+        self._counters["sink-errors"] += 1
+        _log.exception("the sink raised")
