@@ -13,11 +13,12 @@ from beacon_gateway import __version__
 from beacon_gateway.directory import Found
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.listener import Listener
+from beacon_gateway.vendor import BEACON
 from beacon_gateway.views import Beacon, View
 
 __all__ = [
     "API_BASE",
-    "BEACON",
+    "carrier_beacon",
     "detail",
     "health",
     "item",
@@ -29,9 +30,6 @@ __all__ = [
 
 API_BASE = "/api/v1"
 """What every path begins with, as clients of ros2_medkit expect."""
-
-BEACON = "x-medkit-beacon"
-"""The vendor endpoint, and the vendor keys in other answers."""
 
 _Body = dict[str, object]
 
@@ -67,8 +65,8 @@ def item(found: Found, clock: Clock) -> _Body:
     }
 
 
-def detail(found: Found, clock: Clock) -> _Body:
-    """One app or component."""
+def detail(found: Found, clock: Clock, vendor_endpoints: Iterable[str] = ()) -> _Body:
+    """One app or component; ``vendor_endpoints`` are those there are beside our own."""
     entity = found.entity
     href = _href(entity)
     body: _Body = {
@@ -76,7 +74,9 @@ def detail(found: Found, clock: Clock) -> _Body:
         "name": entity.name or entity.id,
         "type": _type(entity),
         **{name: f"{href}/{name}" for name in _RESOURCES},
-        "capabilities": [{"name": BEACON, "href": f"{href}/{BEACON}"}],
+        "capabilities": [
+            {"name": name, "href": f"{href}/{name}"} for name in (BEACON, *vendor_endpoints)
+        ],
         "_links": {"self": href, "collection": f"{API_BASE}/{_type(entity)}s"},
         "x-medkit": _x_medkit(found, clock),
     }
@@ -102,6 +102,11 @@ def vendor_beacon(beacon: Beacon, clock: Clock) -> _Body:
         "sources": [_view(view, now_ns) for view in beacon.views],
         "history": _history(stored, clock),
     }
+
+
+def carrier_beacon(beacon: Beacon, clock: Clock) -> _Body:
+    """The same 14 keys and no other, as ros2_medkit's plugins answer for their one carrier."""
+    return build_response(beacon.stored, clock.monotonic_ns())
 
 
 def left_parameters(beacon: Beacon, clock: Clock) -> _Body:

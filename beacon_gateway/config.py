@@ -6,6 +6,7 @@ The reference for people is docs/configuration.md; the same keys in the same ord
 from __future__ import annotations
 
 import enum
+import re
 from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -47,6 +48,9 @@ DEFAULT_SOURCES: Mapping[str, object] = {
 """Where nothing is configured: the gateway is its own Zenoh router, for this machine only."""
 
 
+_NODE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
+
+
 class _Entry(Protocol):
     @property
     def id(self) -> str: ...
@@ -76,6 +80,11 @@ def _id(_: object, __: object, value: str) -> None:
 def _id_or_empty(instance: object, attribute: object, value: str) -> None:
     if value:
         _id(instance, attribute, value)
+
+
+def _node_or_empty(_: object, __: object, value: str) -> None:
+    if value and not _NODE.fullmatch(value):
+        raise ValueError(f"found {ascii(value)[:60]}; give a node's full name, such as /arm/driver")
 
 
 def _ids(instance: object, attribute: object, value: tuple[str, ...]) -> None:
@@ -140,11 +149,13 @@ class ComponentEntry:
 
 @attrs.frozen
 class AppEntry:
-    """An app that is listed whether or not it is ever heard; ``component_id`` is its host."""
+    """An app that is listed whether or not it is ever heard; ``component_id`` is its host, and
+    ``ros_node`` the full name of its ROS node."""
 
     id: str = attrs.field(validator=_id, metadata={"right": "an id"})
     name: str = ""
     component_id: str = attrs.field(default="", validator=_id_or_empty)
+    ros_node: str = attrs.field(default="", validator=_node_or_empty)
 
 
 @attrs.frozen
@@ -175,6 +186,10 @@ class EntitiesConfig:
             apps=[App(entry.id, entry.name, entry.component_id) for entry in self.apps],
             functions=[Function(entry.id, entry.name, entry.hosts) for entry in self.functions],
         )
+
+    def ros_nodes(self) -> frozenset[str]:
+        """The nodes of those apps that name theirs."""
+        return frozenset(entry.ros_node for entry in self.apps if entry.ros_node)
 
 
 @attrs.frozen

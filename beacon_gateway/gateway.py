@@ -12,6 +12,7 @@ from beacon_gateway.adapters import load_adapter
 from beacon_gateway.config import Config, Lookup
 from beacon_gateway.directory import Directory
 from beacon_gateway.listener import Listener
+from beacon_gateway.vendor import vendor_endpoints
 
 __all__ = ["Gateway"]
 
@@ -30,17 +31,21 @@ class Gateway:
     def __init__(
         self, config: Config, *, lookup: Lookup = load_adapter, clock: Clock | None = None
     ) -> None:
-        """Opens nothing. Raises ``ConfigError`` for a source that cannot be made."""
+        """Opens nothing. Raises ``ConfigError`` for a source that cannot be made or served."""
         self.config = config
         self.clock: Clock = SystemClock() if clock is None else clock
         self.started_ns = self.clock.monotonic_ns()
+        adapters = {name: lookup(source.adapter) for name, source in config.sources.items()}
+        self.vendor_endpoints = vendor_endpoints(adapters)
+        """Beside ours: each with the name of the adapter whose view is served there."""
         self.listeners = tuple(
             Listener(
                 name,
                 source,
-                lookup(source.adapter),
+                adapters[name],
                 self.clock,
                 allow_new_entities=config.allow_new_entities,
+                targets=config.entities.ros_nodes(),
             )
             for name, source in config.sources.items()
         )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from starlette.applications import Starlette
@@ -18,9 +19,10 @@ from starlette.routing import Route
 
 from beacon_core.lifecycle import Status
 from beacon_gateway import bodies, http_errors
-from beacon_gateway.bodies import API_BASE, BEACON
+from beacon_gateway.bodies import API_BASE
 from beacon_gateway.directory import Found, Kind
 from beacon_gateway.gateway import Gateway
+from beacon_gateway.vendor import BEACON
 
 __all__ = ["make_app"]
 
@@ -40,6 +42,11 @@ def make_app(gateway: Gateway) -> Starlette:
         "/components/{id}": api.component,
         f"/components/{{id}}/{BEACON}": api.component_beacon,
     }
+    for endpoint, adapter in gateway.vendor_endpoints.items():
+        routes |= {
+            f"/apps/{{id}}/{endpoint}": partial(api.carrier_beacon, Kind.APP, adapter),
+            f"/components/{{id}}/{endpoint}": partial(api.carrier_beacon, Kind.COMPONENT, adapter),
+        }
     app = Starlette(
         routes=[
             Route(API_BASE + path + slash, handler)
@@ -101,25 +108,37 @@ class _Api:
         http_errors.check_id(entity_id)
         found = self._find(entity_id, kind)
         if found is not None:
-            return _JsonResponse(bodies.detail(found, self._clock))
+            endpoints = self._gateway.vendor_endpoints
+            return _JsonResponse(bodies.detail(found, self._clock, endpoints))
         actual = self._directory.kind(entity_id)
         if actual is None:
             raise http_errors.entity_not_found(entity_id)
         raise http_errors.wrong_type(entity_id, kind, actual)
 
+    def carrier_beacon(self, kind: Kind, adapter: str, request: Request) -> Response:
+        beacon = self._found(request, kind).beacon
+        heard = None if beacon is None else beacon.heard_by(adapter)
+        if heard is None or heard.status is Status.LEFT:
+            raise http_errors.beacon_not_found()
+        return _JsonResponse(bodies.carrier_beacon(heard, self._clock))
+
     def _beacon(self, request: Request, kind: Kind) -> Response:
+        beacon = self._found(request, kind).beacon
+        if beacon is None:
+            raise http_errors.beacon_not_found({"entity_id": request.path_params["id"]})
+        if beacon.status is Status.LEFT:
+            raise http_errors.beacon_not_found(bodies.left_parameters(beacon, self._clock))
+        return _JsonResponse(bodies.vendor_beacon(beacon, self._clock))
+
+    def _found(self, request: Request, kind: Kind) -> Found:
+        """Whom a vendor endpoint is asked for."""
         entity_id: str = request.path_params["id"]
         http_errors.check_vendor_id(entity_id)
         found = self._find(entity_id, kind)
         if found is None:
             actual = self._directory.kind(entity_id)
             raise http_errors.vendor_entity_missing(entity_id, kind, actual)
-        beacon = found.beacon
-        if beacon is None:
-            raise http_errors.beacon_not_found({"entity_id": entity_id})
-        if beacon.status is Status.LEFT:
-            raise http_errors.beacon_not_found(bodies.left_parameters(beacon, self._clock))
-        return _JsonResponse(bodies.vendor_beacon(beacon, self._clock))
+        return found
 
     def _find(self, entity_id: str, kind: Kind) -> Found | None:
         directory = self._directory

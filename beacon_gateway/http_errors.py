@@ -103,9 +103,9 @@ def vendor_entity_missing(entity_id: str, expected: Kind, actual: Kind | None) -
     )
 
 
-def beacon_not_found(parameters: Mapping[str, object]) -> ApiError:
+def beacon_not_found(parameters: Mapping[str, object] | None = None) -> ApiError:
     """The entity is there, its beacon is not (any more)."""
-    return ApiError(404, "x-medkit-beacon-not-found", "No beacon data for entity", parameters)
+    return ApiError(404, "x-medkit-beacon-not-found", "No beacon data for entity", parameters or {})
 
 
 def _id_fault(entity_id: str) -> str:

@@ -11,6 +11,7 @@ from beacon_core.intake import Intake
 from beacon_core.lifecycle import Status
 from beacon_core.mapper import IncrementalMapper
 from beacon_core.ports.adapter import Adapter
+from beacon_core.ports.targeted import Targeted
 from beacon_core.store import HintStore
 from beacon_gateway.config import SourceConfig
 
@@ -28,8 +29,13 @@ class Listener:
         clock: Clock,
         *,
         allow_new_entities: bool,
+        targets: frozenset[str] = frozenset(),
     ) -> None:
-        """Opens nothing. Raises ``ConfigError``, led by the source's place in the configuration."""
+        """Opens nothing. Raises ``ConfigError``, led by the source's place in the configuration.
+
+        ``targets``: the nodes of the gateway's apps, for a source that asks them; none: it finds
+        out by itself.
+        """
         self.name = name
         self.adapter = adapter.name
         self._allow_new_entities = allow_new_entities
@@ -45,6 +51,8 @@ class Listener:
                 skew_policy=config.skew_policy,
             )
             self.source = adapter.source(config.options)
+            if targets and isinstance(self.source, Targeted):
+                self.source.set_targets(targets)
         except BeaconError as error:
             raise self._at_its_place(error) from error
         self._mapper = IncrementalMapper(self.store, allow_new_entities=allow_new_entities)

@@ -42,6 +42,10 @@ class Beacon:
         freshest_first = tuple(sorted(views, key=_freshness, reverse=True))
         return cls(freshest_first) if freshest_first else None
 
+    def heard_by(self, adapter: str) -> Beacon | None:
+        """The same as the sources with this adapter have it; ``None`` if none of them has."""
+        return Beacon.of(view for view in self.views if view.adapter == adapter)
+
     @property
     def freshest(self) -> View:
         return self.views[0]

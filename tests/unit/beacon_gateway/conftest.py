@@ -15,7 +15,9 @@ import pytest
 
 from beacon_core.clock import ManualClock
 from beacon_core.hint import BeaconHint
-from beacon_fake import FakeAnnouncer, FakeNetwork, share_network, unshare_network
+from beacon_core.ports.adapter import Adapter
+from beacon_fake import ADAPTER, FakeAnnouncer, FakeNetwork, share_network, unshare_network
+from beacon_gateway.adapters import load_adapter
 from beacon_gateway.config import parse_config
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.http import make_app
@@ -81,7 +83,15 @@ class PlantMaker:
         self._made: list[Plant] = []
         self._shared: list[str] = []
 
-    def __call__(self, *, sources: dict[str, dict[str, Any]] | None = None, **config: Any) -> Plant:
+    def __call__(
+        self,
+        *,
+        sources: dict[str, dict[str, Any]] | None = None,
+        endpoints: dict[str, str] | None = None,
+        **config: Any,
+    ) -> Plant:
+        """``endpoints``: adapters that there are besides, all of them simulated, with the endpoint
+        that each brings."""
         clock = ManualClock()
         networks: dict[str, FakeNetwork] = {}
         documents: dict[str, dict[str, Any]] = {}
@@ -91,7 +101,14 @@ class PlantMaker:
             share_network(networks[name], network_name)
             self._shared.append(network_name)
             documents[name] = {"adapter": "fake", "options": {"network": network_name}, **settings}
-        gateway = Gateway(parse_config({"sources": documents, **config}).config, clock=clock)
+
+        def lookup(name: str) -> Adapter:
+            if name not in (endpoints or {}):
+                return load_adapter(name)
+            return attrs.evolve(ADAPTER, name=name, vendor_endpoint=(endpoints or {})[name])
+
+        loaded = parse_config({"sources": documents, **config}, lookup)
+        gateway = Gateway(loaded.config, lookup=lookup, clock=clock)
         gateway.start()
         plant = Plant(clock, gateway, networks)
         self._made.append(plant)

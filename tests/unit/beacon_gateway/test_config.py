@@ -91,7 +91,7 @@ def test_every_key_is_taken(tmp_path: Path) -> None:
         entities:
           areas: [{id: hall, name: Hall}]
           components: [{id: ecu, name: ECU}]
-          apps: [{id: app, name: App, component_id: ecu}]
+          apps: [{id: app, name: App, component_id: ecu, ros_node: /arm/app}]
           functions: [{id: drive, name: Drive, hosts: [app]}]
         """
     )
@@ -116,11 +116,26 @@ def test_every_key_is_taken(tmp_path: Path) -> None:
     assert known.components["ecu"] == Component("ecu", "ECU", source="manifest")
     assert known.apps["app"] == App("app", "App", "ecu", source="manifest")
     assert known.functions["drive"] == Function("drive", "Drive", ("app",), source="manifest")
+    assert config.entities.ros_nodes() == {"/arm/app"}
 
 
 def test_the_adapter_says_the_ttl_where_the_file_does_not() -> None:
     assert parse_config(source(), lookup).config.sources["robots"].ttl_s == 15.0
     assert parse_config(source(ttl_s=3), lookup).config.sources["robots"].ttl_s == 3.0
+
+
+@pytest.mark.parametrize("name", ["driver", "/", "/arm/", "/1", "/a b", "/a\n", "//a", "~/a", "/ä"])
+def test_a_ros_node_is_given_by_its_full_name(name: str) -> None:
+    document = {"entities": {"apps": [{"id": "a", "ros_node": name}]}}
+    assert problems(document) == [
+        f"$.entities.apps[0].ros_node: found {name!a}; give a node's full name, such as /arm/driver"
+    ]
+
+
+@pytest.mark.parametrize("name", ["/driver", "/arm_1/left/_driver2"])
+def test_a_node_may_be_in_any_namespace(name: str) -> None:
+    document = {"entities": {"apps": [{"id": "a", "ros_node": name}, {"id": "b", "ros_node": ""}]}}
+    assert parse_config(document, lookup).config.entities.ros_nodes() == {name}
 
 
 def test_every_problem_is_reported_at_once_with_its_path() -> None:

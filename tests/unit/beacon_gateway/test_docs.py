@@ -15,7 +15,7 @@ import yaml
 
 from beacon_core.errors import ConfigError
 from beacon_fake import FakeOptions
-from beacon_gateway import bodies, cli, config
+from beacon_gateway import cli, config, vendor
 from beacon_gateway.console.exits import EXIT_CODES
 from beacon_zenoh import ZenohOptions
 from beacon_zenoh.options import TlsOptions
@@ -152,4 +152,4 @@ def test_every_key_of_the_vendor_endpoint_and_of_health_is_documented(plant: Pla
     }
     assert len(body["history"]) > 0
     assert [key for key in sorted(keys) if f"`{key}`" not in HTTP_API and key != "status"] == []
-    assert bodies.BEACON in HTTP_API
+    assert vendor.BEACON in HTTP_API

@@ -17,6 +17,7 @@ from beacon_core.ports.adapter import Adapter
 from beacon_core.ports.health import Condition, Health
 from beacon_core.ports.sink import HintSink
 from beacon_core.wire import json
+from beacon_fake import ADAPTER as FAKE
 from beacon_gateway.config import parse_config
 from beacon_gateway.gateway import Gateway
 
@@ -117,6 +118,43 @@ def test_if_one_source_cannot_start_none_is_left_open() -> None:
     with pytest.raises(ConfigError, match=r"^\$\.sources\.s1: the device is in use$"):
         made.start()
     assert [source.closed for source in Faulty.made] == [1, 1, 1]
+
+
+class Asking(Faulty):
+    """A source that asks, and must know whom."""
+
+    targets: frozenset[str] | None = None
+
+    def set_targets(self, nodes: frozenset[str] | None) -> None:
+        assert self.sink is None, "told too late: it has been started"
+        self.targets = nodes
+
+
+def told(*apps: dict[str, str], source: type[Faulty] = Asking) -> frozenset[str] | None:
+    """Whom a source is told to ask, of a gateway with these apps."""
+
+    def lookup(name: str) -> Adapter:
+        return attrs.evolve(FAKE, name=name, options=Options, source=source)
+
+    document = {"sources": {"s": {"adapter": "asking"}}, "entities": {"apps": list(apps)}}
+    made = Gateway(parse_config(document, lookup).config, lookup=lookup)
+    made.start()
+    made.close()
+    (asking,) = Faulty.made
+    return getattr(asking, "targets", None)
+
+
+def test_a_source_that_asks_is_told_the_nodes_of_the_apps() -> None:
+    apps = [{"id": "a", "ros_node": "/arm/driver"}, {"id": "b"}, {"id": "c", "ros_node": "/c"}]
+    assert told(*apps) == frozenset({"/arm/driver", "/c"})
+
+
+def test_where_no_app_names_its_node_the_source_finds_out_by_itself() -> None:
+    assert told({"id": "a"}) is None
+
+
+def test_a_source_that_listens_is_not_told_whom_to_ask() -> None:
+    assert told({"id": "a", "ros_node": "/a"}, source=Faulty) is None
 
 
 def test_close_is_idempotent_and_closes_every_source_though_one_fails() -> None:

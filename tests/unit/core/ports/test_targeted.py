@@ -26,6 +26,6 @@ def test_the_nodes_are_given_or_left_to_the_source() -> None:
     source = Asking()
     told: Targeted = source
     told.set_targets(frozenset({"/arm/driver"}))
-    assert source.nodes == {"/arm/driver"}
+    assert source.nodes == frozenset({"/arm/driver"})
     told.set_targets(None)
     assert source.nodes is None
