@@ -1,8 +1,12 @@
-"""Checks of what a caller configures; each message names the key, the value and what is right."""
+"""Checks of what a caller configures; each message names the key, the value and what is right.
+
+A value of another type is refused like one that is out of range: ``True`` is no number of anything
+though Python counts with it, and ``"10"`` is a text. A whole number must be written as one.
+"""
 
 from __future__ import annotations
 
-import math
+import sys
 
 from beacon_core.errors import ConfigError
 
@@ -18,23 +22,29 @@ def nanoseconds(key: str, seconds: float) -> int:
 
     So an age in nanoseconds reaches it exactly when C++'s ``duration<double>`` reaches ``seconds``.
     """
-    if not 0 <= seconds <= _MAX_SECONDS:
-        raise ConfigError(
-            f"{key}: {seconds} is not possible; give a number of seconds from 0 to {_MAX_SECONDS}"
-        )
+    if not (_is_number(seconds) and 0 <= seconds <= _MAX_SECONDS):
+        raise _refused(key, seconds, f"a number of seconds from 0 to {_MAX_SECONDS}")
     floor_ns = int(seconds * 1e9)
     return floor_ns if floor_ns / 1e9 >= seconds else floor_ns + 1
 
 
 def at_least_one(key: str, value: int) -> int:
     """A cap on a number of things."""
-    if not 1 <= value < math.inf:
-        raise ConfigError(f"{key}: {value} is not possible; give a whole number, at least 1")
+    if not (_is_number(value) and isinstance(value, int) and value >= 1):
+        raise _refused(key, value, "a whole number, at least 1")
     return value
 
 
 def positive_rate(key: str, value: float) -> float:
     """A rate or a burst, in tokens."""
-    if not (math.isfinite(value) and value >= 1.0):
-        raise ConfigError(f"{key}: {value} is not possible; give a finite number, at least 1.0")
+    if not (_is_number(value) and 1.0 <= value <= sys.float_info.max):
+        raise _refused(key, value, "a finite number, at least 1.0")
     return float(value)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _refused(key: str, value: object, right: str) -> ConfigError:
+    return ConfigError(f"{key}: {value!r} is not possible; give {right}")

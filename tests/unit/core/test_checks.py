@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -42,7 +44,7 @@ def test_an_age_reaches_a_time_when_its_seconds_do() -> None:
 
 
 @pytest.mark.parametrize(
-    # The last one is no float at all.
+    # The last one is larger than any float.
     "seconds",
     [math.nan, math.inf, -math.inf, -1, -1e-9, 1_000_000_001, 1.7e308, 10**400],
     ids=lambda seconds: str(seconds)[:12],
@@ -58,7 +60,7 @@ def test_a_cap_of_one_or_more_is_taken(value: int) -> None:
     assert at_least_one("max_hints", value) == value
 
 
-@pytest.mark.parametrize("value", [0, -1, math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("value", [0, -1, 1.0, 2.5, math.nan, math.inf, -math.inf])
 def test_a_cap_that_is_none_or_below_one_is_refused(value: int) -> None:
     with pytest.raises(
         ConfigError, match=rf"^max_hints: {value} is not possible; give a whole number, at least 1$"
@@ -73,9 +75,32 @@ def test_a_rate_of_one_or_more_is_taken(value: float) -> None:
     assert type(rate) is float
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 0, 0.999, -5])
+@pytest.mark.parametrize(
+    "value",
+    [math.nan, math.inf, -math.inf, 0, 0.999, -5, 10**400],
+    ids=lambda value: str(value)[:12],
+)
 def test_a_rate_that_is_none_is_refused(value: float) -> None:
     with pytest.raises(
         ConfigError, match=rf"^rate: {value} is not possible; give a finite number, at least 1\.0$"
     ):
         positive_rate("rate", value)
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [(True, "True"), (False, "False"), ("10", "'10'"), ("", "''"), (None, "None"), ([1], r"\[1\]")],
+)
+@pytest.mark.parametrize(
+    ("check", "right"),
+    [
+        (nanoseconds, "a number of seconds from 0 to 1000000000"),
+        (at_least_one, "a whole number, at least 1"),
+        (positive_rate, r"a finite number, at least 1\.0"),
+    ],
+)
+def test_what_is_no_number_at_all_is_refused_with_the_same_words(
+    check: Callable[[str, Any], object], right: str, value: object, shown: str
+) -> None:
+    with pytest.raises(ConfigError, match=f"^key: {shown} is not possible; give {right}$"):
+        check("key", value)
