@@ -182,12 +182,15 @@ def last_seen(one: Speaker) -> int:
 
 
 def succession(before: Speaker, heir: Speaker) -> str:
-    """Which evidence tells the heir from the one before, in words."""
+    """Which evidence tells the heir from the one before, in words: only what both have given."""
     pairs = {
         "incarnation": (before.incarnation, heir.incarnation),
         "host": (before.hint.hostname, heir.hint.hostname),
         "process id": (before.hint.process_id, heir.hint.process_id),
         "source": (before.source, heir.source),
     }
-    changed = [name for name, (old, new) in pairs.items() if old != new]
-    return f"another {', '.join(changed)}" if changed else "the same process again"
+    changed = [name for name, (old, new) in pairs.items() if old and new and old != new]
+    if changed:
+        return f"another {', '.join(changed)}"
+    # Two that cannot be compared in anything differ only where nobody had claimed the id.
+    return "the same process again" if same_claimant(heir, before) else "the first to claim it"

@@ -416,15 +416,17 @@ def run_after(known: Voice, message: Voice) -> tuple[str, int]:
 
 def what_differs(former: Voice, heir: Voice) -> str:
     differs = []
-    if former.incarnation != heir.incarnation:
+    if both_differ(former.incarnation, heir.incarnation):
         differs.append("incarnation")
-    if former.hint["hostname"] != heir.hint["hostname"]:
+    if both_differ(former.hint["hostname"], heir.hint["hostname"]):
         differs.append("host")
-    if former.hint["process_id"] != heir.hint["process_id"]:
+    if both_differ(former.hint["process_id"], heir.hint["process_id"]):
         differs.append("process id")
-    if former.source != heir.source:
+    if both_differ(former.source, heir.source):
         differs.append("source")
-    return "another " + ", ".join(differs) if differs else "the same process again"
+    if differs:
+        return "another " + ", ".join(differs)
+    return "the same process again" if same_process(heir, former) else "the first to claim it"
 
 
 # -- small things --------------------------------------------------------------------------------

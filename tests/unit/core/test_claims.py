@@ -241,8 +241,20 @@ def test_a_tombstone_says_who_left_and_when_and_with_which_number(
         (one("a", "i", host="h", process=1), "the same process again"),
         (one("a", "j", host="h", process=1), "another incarnation"),
         (one("b", "i", host="h", process=2), "another process id, source"),
-        (one("b", "", host="g", process=0), "another incarnation, host, process id, source"),
+        (one("b", "j", host="g", process=2), "another incarnation, host, process id, source"),
+        # What one of the two has not given cannot differ.
+        (one("b", "", host="g", process=0), "another host, source"),
+        (one("b"), "another source"),
+        (one("a"), "the same process again"),
+        (one(""), "the same process again"),
     ],
 )
 def test_a_succession_is_told_in_words(heir: Claimant, words: str) -> None:
     assert succession(one("a", "i", host="h", process=1), heir) == words
+
+
+def test_a_succession_of_somebody_who_never_said_who_it_was_names_no_difference() -> None:
+    assert succession(one(""), one("a", "i", host="h", process=1)) == "the first to claim it"
+    assert succession(one("", "i"), one("a", "i")) == "the same process again"
+    same_process = one("a", host="h", process=1)
+    assert succession(one("", host="h", process=1), same_process) == "the same process again"
