@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import atexit
 import threading
-from typing import Any
+from collections.abc import Callable
+from typing import Any, cast
 
 import attrs
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from beacon_core.errors import ConfigError, UsageError
@@ -40,9 +43,12 @@ class TopicBeacon:
         ...
         beacon.update(metadata={"mode": "calibrating"})  # sent at once
 
-    Process id, process name and hostname are this process's unless the hint gives them. It says
-    goodbye on ``close``, and when the node's ROS context is shut down (Ctrl-C included) while the
-    node still exists. The period is one of real time, whatever ``use_sim_time`` says.
+    Process id, process name and hostname are this process's unless the hint gives them. The period
+    is one of real time, whatever ``use_sim_time`` says.
+
+    It says goodbye on ``close``, when the node is destroyed, when ROS is shut down, and at the end
+    of the program, whichever comes first; so also on Ctrl-C and SIGTERM, if the program does with
+    them what ROS programs do. A beacon is kept, with its node, until then.
 
     Thread rule: any thread.
     """
@@ -66,10 +72,16 @@ class TopicBeacon:
         self._payload = cdr.encode(self._hint)
         self._lock = threading.Lock()
         self._closed = False
-        self._publisher = node.create_publisher(message_type(TYPE_NAME, TYPE_HASH), topic, qos)
+        message = message_type(TYPE_NAME, TYPE_HASH)
+        self._publisher = cast(
+            "_MindfulPublisher",
+            node.create_publisher(message, topic, qos, publisher_class=_MindfulPublisher),
+        )
+        self._publisher.before_destroy = self._last_word
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(period_s, self._say, clock=steady)
-        node.context.on_shutdown(self._on_shutdown)
+        node.context.on_shutdown(self._last_word)
+        _open.add(self)
         self._say()
 
     @property
@@ -93,28 +105,43 @@ class TopicBeacon:
         self._say()
 
     def close(self) -> None:
-        """Say goodbye and stop. Idempotent, within 1 s; before the node is destroyed."""
-        if self._say_goodbye():
-            self._node.destroy_timer(self._timer)
-            self._node.destroy_publisher(self._publisher)
+        """Say goodbye and stop. Idempotent, within 1 s."""
+        self._last_word()
+        self._node.destroy_timer(self._timer)
+        self._node.destroy_publisher(self._publisher)
 
     def _say(self) -> None:
         with self._lock:
             if not self._closed and self._node.context.ok():
                 self._publisher.publish(self._payload)
 
-    def _on_shutdown(self) -> None:
-        """ROS calls it when the context has been shut down already."""
-        self._say_goodbye()
-
-    def _say_goodbye(self) -> bool:
-        """The first call says it."""
+    def _last_word(self) -> None:
+        """Say goodbye unless that has been done; may be the last moment for it."""
         with self._lock:
             if self._closed:
-                return False
+                return
             self._closed = True
+        _open.discard(self)
         say_last(self._publisher, [farewell(self._hint.entity_id)], _FAREWELL_WITHIN_S)
-        return True
+
+
+class _MindfulPublisher(Publisher):
+    """Lets somebody speak before it is destroyed, as its node does without asking."""
+
+    before_destroy: Callable[[], None]
+
+    def destroy(self) -> None:
+        self.before_destroy()
+        super().destroy()
+
+
+_open: set[TopicBeacon] = set()
+
+
+@atexit.register
+def _close_all() -> None:
+    for beacon in list(_open):
+        beacon._last_word()  # noqa: SLF001 - our own
 
 
 def _checked(hint: BeaconHint) -> BeaconHint:

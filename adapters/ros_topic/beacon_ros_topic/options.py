@@ -71,5 +71,6 @@ class RosTopicOptions:
     )
     """A transient-local source hears transient-local publishers only, and of those also what they
     said before it came."""
-    depth: int = attrs.field(default=1000, validator=_whole(1, _MAX_DEPTH))
-    """Messages that wait to be read (or, of an announcer, to be acknowledged) at most."""
+    depth: int = attrs.field(default=10_000, validator=_whole(1, _MAX_DEPTH))
+    """Messages that wait to be read (or, of an announcer, to be acknowledged) at most; what comes
+    then pushes the oldest out. Costs memory only while they wait."""

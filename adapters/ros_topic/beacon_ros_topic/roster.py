@@ -13,6 +13,8 @@ from collections.abc import Iterable
 
 import attrs
 
+from beacon_core.outcome import Outcome
+
 __all__ = ["MAX_PUBLISHERS", "MAX_SPOKEN_FOR", "Publisher", "Roster"]
 
 MAX_PUBLISHERS = 20_000
@@ -31,27 +33,33 @@ class Publisher:
     entities: dict[str, None] = attrs.field(factory=dict)
     """Whom it spoke for and did not say goodbye for."""
     listed: bool = False
+    messages: int = 0
+    outcome: Outcome | None = None
+    """Of its last message."""
 
 
 class Roster:
     """Thread rule: one thread; the counters may be read by any."""
 
     def __init__(self) -> None:
-        self._publishers: dict[bytes, Publisher] = {}
+        self.publishers: dict[bytes, Publisher] = {}
+        """By GID."""
         self._spoken_for = 0
+        self._messages_of_others = 0
         self.refused = 0
         """Publishers and entities that there was no room for: they are heard, but not missed."""
 
-    def __len__(self) -> int:
-        return len(self._publishers)
+    def messages(self) -> int:
+        """How many came, from all that were ever met. Any thread may ask."""
+        return self._messages_of_others + sum(one.messages for one in [*self.publishers.values()])
 
-    def find(self, gid: bytes) -> Publisher:
+    def meet(self, gid: bytes) -> Publisher:
         """The publisher with this GID; made now if it was never met."""
-        found = self._publishers.get(gid)
+        found = self.publishers.get(gid)
         if found is None:
             found = Publisher(gid.hex())
-            if len(self._publishers) < MAX_PUBLISHERS:
-                self._publishers[gid] = found
+            if len(self.publishers) < MAX_PUBLISHERS:
+                self.publishers[gid] = found
             else:
                 self.refused += 1
         return found
@@ -76,8 +84,9 @@ class Roster:
         """Those that have gone, given the GIDs that are listed now; they are forgotten."""
         present = set(listed)
         for gid in present:
-            self.find(gid).listed = True
-        gone = [gid for gid, one in self._publishers.items() if one.listed and gid not in present]
-        publishers = [self._publishers.pop(gid) for gid in gone]
+            self.meet(gid).listed = True
+        gone = [gid for gid, one in self.publishers.items() if one.listed and gid not in present]
+        publishers = [self.publishers.pop(gid) for gid in gone]
         self._spoken_for -= sum(len(one.entities) for one in publishers)
+        self._messages_of_others += sum(one.messages for one in publishers)
         return publishers

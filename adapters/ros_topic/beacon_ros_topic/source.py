@@ -62,10 +62,11 @@ class RosTopicSource:
         self._starting = threading.Lock()
         # The rest belongs to the reader's thread; health reads what is replaced as a whole.
         self._roster = Roster()
+        self._known = self._roster.publishers.get
         self._looks: list[float] = []
         self._complaints: tuple[str, ...] = ()
         self._counters = dict.fromkeys(
-            ("messages", "goodbyes", "lost", "incompatible", "matched", "sink-errors"), 0
+            ("goodbyes", "lost", "incompatible", "matched", "sink-errors"), 0
         )
 
     def start(self, sink: HintSink) -> None:
@@ -93,7 +94,8 @@ class RosTopicSource:
     def health(self) -> Health:
         counters = {
             **self._counters,
-            "publishers": len(self._roster),
+            "messages": self._roster.messages(),
+            "publishers": len(self._roster.publishers),
             "refused": self._roster.refused,
         }
         if self._closed:
@@ -114,28 +116,29 @@ class RosTopicSource:
 
     def on_message(self, payload: bytes, gid: bytes, sequence: int, stamp_ns: int) -> None:
         """The road of every message."""
-        self._counters["messages"] += 1
-        publisher = self._roster.find(gid)
+        publisher = self._known(gid) or self._roster.meet(gid)
+        publisher.messages += 1
         name = publisher.name
-        number = 0 if sequence == _NO_NUMBER else sequence
+        number = sequence if sequence != _NO_NUMBER else 0
         try:
-            if payload.endswith(GOODBYE) and (entity_id := said_goodbye(payload)):
-                self._goodbye(publisher, entity_id, number)
-                return
+            if payload[-8:] != NO_STAMP:
+                if payload.endswith(GOODBYE) and (entity_id := said_goodbye(payload)):
+                    self._goodbye(publisher, entity_id, number)
+                    return
+                # One clock per sender: its own stamps may be of simulated time, the middleware's
+                # never are.
+                stamp_ns = 0
             outcome = self._offer(
-                payload,
-                name,
-                # One clock per sender: a stamp of its own may be of simulated time, the
-                # middleware's never is.
-                stamp_ns=stamp_ns if payload.endswith(NO_STAMP) else 0,
-                incarnation=name,
-                sequence=number,
+                payload, name, stamp_ns=stamp_ns, incarnation=name, sequence=number
             )
         except Exception:  # noqa: BLE001 - sinks do not raise; one that does must not end this
             self._sink_raised()
             return
-        if outcome.accepted and outcome.entity_id not in publisher.entities:
-            self._roster.spoke(publisher, outcome.entity_id)
+        # An unchanged hint has the very outcome of the last one.
+        if outcome is not publisher.outcome:
+            publisher.outcome = outcome
+            if outcome.accepted:
+                self._roster.spoke(publisher, outcome.entity_id)
 
     def on_matched(self, publishers: int) -> None:
         """A publisher came or went."""
