@@ -30,7 +30,7 @@ def readme() -> str:
 
 
 def test_announcing_from_python_is_what_it_shows(monkeypatch: pytest.MonkeyPatch) -> None:
-    (snippet,) = re.findall(r"```python\n(.*?)```", readme(), re.DOTALL)
+    snippet = snippets()[0]
     endpoint = free_endpoint()
     # The only thing changed is the port, so that tests can run side by side.
     monkeypatch.setattr(options, "DEFAULT_ENDPOINT", endpoint)
@@ -47,6 +47,33 @@ def test_announcing_from_python_is_what_it_shows(monkeypatch: pytest.MonkeyPatch
         wait_for(store, Status.LEFT)
     finally:
         source.close()
+
+
+def test_announcing_from_a_ros_node_is_what_it_shows() -> None:
+    pytest.importorskip("rclpy", reason="rclpy is not installed")
+    from beacon_core.wire import cdr  # noqa: PLC0415 - for this test only
+    from beacon_ros.domains import DomainLease  # noqa: PLC0415 - needs rclpy
+    from beacon_ros.participant import OwnNode  # noqa: PLC0415
+    from beacon_ros_topic.options import RosTopicOptions  # noqa: PLC0415
+    from beacon_ros_topic.source import RosTopicSource  # noqa: PLC0415
+
+    store = HintStore(SystemClock())
+    with DomainLease() as lease:
+        own = OwnNode("readme", lease.domain_id)
+        source = RosTopicSource(RosTopicOptions(domain_id=lease.domain_id))
+        source.start(Intake(store, cdr.decode))
+        try:
+            exec(snippets()[1], {"node": own.node})  # noqa: S102
+            wait_for(store, Status.ACTIVE)
+            own.close()
+            wait_for(store, Status.LEFT)
+        finally:
+            source.close()
+
+
+def snippets() -> list[str]:
+    """The Python blocks of the README, in order."""
+    return re.findall(r"```python\n(.*?)```", readme(), re.DOTALL)
 
 
 def wait_for(store: HintStore, status: Status) -> None:
