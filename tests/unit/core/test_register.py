@@ -122,7 +122,7 @@ def test_an_heir_begins_with_its_own_words_and_counts_as_a_restart(book: Registe
     book.hand_over(record, heir, Cause.HEARD, 2 * S, ())
     assert (record.hint, record.incarnation) == (heir.hint, "two")
     assert (record.restarts, book.restarts) == (1, 1)
-    assert record.history[-1].detail == "another incarnation, source"
+    assert record.history[-1].detail == "another source"
     assert sums_hold(book)
 
 
