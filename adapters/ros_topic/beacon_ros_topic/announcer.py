@@ -31,12 +31,13 @@ _JITTER = 0.15
 """Each wait is up to this part shorter than the period, never longer: a fleet that was switched on
 together drifts apart, and nobody is late."""
 
-_ANEW_EVERY_NS = 500_000
-"""A new listener is told everything at 2,000 hints a second: more would overflow its history."""
+_ANEW_EVERY_NS = 10_000_000
+"""A new listener is told everything, but not at once: a gateway hears 100 messages a second of one
+publisher, if nothing else is configured."""
 
 _ANEW_AGAIN_NS = 300_000_000
-"""And once more after this: both ends of a new connection do not open at the same moment, and what
-is said in between may be lost."""
+"""What was said before this is said again then: both ends of a new connection do not open at the
+same moment, and what is said in between may be lost."""
 
 _FAREWELL_WITHIN_S = 0.4
 _CLOSE_WITHIN_S = 0.4
@@ -55,7 +56,8 @@ class _Voice:
 class RosTopicAnnouncer:
     """Implements :class:`beacon_core.ports.announcer.Announcer`; the thread rule is the port's.
 
-    One publisher for all entities. A listener that comes later is told everything at once, whatever
+    One publisher for all entities: with the rate that a gateway allows one publisher by default, and
+    a period of 2 s, it may speak for 200. A listener that comes later is told everything, whatever
     the period and its QoS. Hints carry no stamp of their own: the middleware says when each was
     published, and a message that is equal to the last one costs the listener least.
 
@@ -174,10 +176,12 @@ class RosTopicAnnouncer:
         now_ns = time.monotonic_ns()
         with self._lock:
             self._clear_void_beats()
-            for begin_ns in (now_ns, now_ns + _ANEW_AGAIN_NS):
-                for number, entity_id in enumerate(self._voices):
-                    due_ns = begin_ns + number * _ANEW_EVERY_NS
-                    heapq.heappush(self._beats, (due_ns, entity_id, True))
+            for number, entity_id in enumerate(self._voices):
+                after_ns = number * _ANEW_EVERY_NS
+                heapq.heappush(self._beats, (now_ns + after_ns, entity_id, True))
+                if after_ns < _ANEW_AGAIN_NS:
+                    again_ns = now_ns + after_ns + _ANEW_AGAIN_NS
+                    heapq.heappush(self._beats, (again_ns, entity_id, True))
 
     def _beat(self) -> float | None:
         now_ns = time.monotonic_ns()
