@@ -17,11 +17,11 @@ from beacon_core.hint import BeaconHint
 from beacon_core.ports.health import Condition, Health
 from beacon_core.validator import is_valid_id
 from beacon_core.wire import cdr
+from beacon_core.wire.medkit import TYPE_HASH, TYPE_NAME, farewell
 from beacon_ros.farewell import say_last
 from beacon_ros.participant import OwnNode
 from beacon_ros.rawtype import message_type
 from beacon_ros.waiter import Waiter
-from beacon_ros_topic.message import TYPE_HASH, TYPE_NAME, farewell
 from beacon_ros_topic.options import RosTopicOptions
 from beacon_ros_topic.qos import profile
 
@@ -56,10 +56,10 @@ class _Voice:
 class RosTopicAnnouncer:
     """Implements :class:`beacon_core.ports.announcer.Announcer`; the thread rule is the port's.
 
-    One publisher for all entities: with the rate that a gateway allows one publisher by default, and
-    a period of 2 s, it may speak for 200. A listener that comes later is told everything, whatever
-    the period and its QoS. Hints carry no stamp of their own: the middleware says when each was
-    published, and a message that is equal to the last one costs the listener least.
+    One publisher for all entities: with the rate that a gateway allows one publisher by default,
+    and a period of 2 s, it may speak for 200. A listener that comes later is told everything,
+    whatever the period and its QoS. Hints carry no stamp of their own: the middleware says when
+    each was published, and a message that is equal to the last one costs the listener least.
 
     A node that speaks for itself alone uses :class:`beacon_ros_topic.beacon.TopicBeacon`.
     """
