@@ -31,11 +31,11 @@ from beacon_core.outcome import ACCEPTED
 from beacon_core.store import HintStore
 from beacon_core.testing.examples import bench_hint
 from beacon_core.wire import cdr
+from beacon_core.wire.medkit import TYPE_HASH, TYPE_NAME
 from beacon_ros.domains import DomainLease
 from beacon_ros.participant import OwnNode
 from beacon_ros.rawtype import message_type
 from beacon_ros.reader import Reader
-from beacon_ros_topic.message import TYPE_HASH, TYPE_NAME
 from beacon_ros_topic.options import RosTopicOptions
 from beacon_ros_topic.qos import profile as qos_profile
 from beacon_ros_topic.source import RosTopicSource
@@ -57,7 +57,7 @@ from beacon_core.testing.examples import bench_hint
 from beacon_core.wire import cdr
 from beacon_ros.participant import OwnNode
 from beacon_ros.rawtype import message_type
-from beacon_ros_topic.message import TYPE_HASH, TYPE_NAME
+from beacon_core.wire.medkit import TYPE_HASH, TYPE_NAME
 from beacon_ros_topic.options import RosTopicOptions
 from beacon_ros_topic.qos import profile
 domain, rate, messages, changing = map(int, sys.argv[1:])

@@ -2,5 +2,5 @@
 
 Both offer ``encode(hint, stamp_ns=0)``, giving bytes, and ``decode(payload)``, giving an
 ``Announcement`` or ``Malformed``. An encoding is not a dependency: neither module needs ROS or
-any other package.
+any other package. What a ROS message is beside its bytes is in :mod:`.medkit`.
 """

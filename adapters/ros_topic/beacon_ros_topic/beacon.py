@@ -18,10 +18,10 @@ from beacon_core.errors import ConfigError, UsageError
 from beacon_core.hint import BeaconHint
 from beacon_core.validator import is_valid_id
 from beacon_core.wire import cdr
+from beacon_core.wire.medkit import TYPE_HASH, TYPE_NAME, farewell
 from beacon_ros.farewell import say_last
 from beacon_ros.process import identified
 from beacon_ros.rawtype import message_type
-from beacon_ros_topic.message import TYPE_HASH, TYPE_NAME, farewell
 from beacon_ros_topic.options import DEFAULT_TOPIC
 
 __all__ = ["BEACON_QOS", "TopicBeacon"]

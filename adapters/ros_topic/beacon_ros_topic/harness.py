@@ -14,12 +14,12 @@ from beacon_core.ports.adapter import Adapter
 from beacon_core.ports.announcer import Announcer
 from beacon_core.testing.harness import Capabilities, RealTimeHarness
 from beacon_core.wire import cdr
+from beacon_core.wire.medkit import GOODBYE, TYPE_HASH, TYPE_NAME, farewell
 from beacon_ros.domains import DomainLease
 from beacon_ros.mortal import MortalAnnouncer
 from beacon_ros.participant import OwnNode
 from beacon_ros.rawtype import message_type
 from beacon_ros_topic import ADAPTER
-from beacon_ros_topic.message import GOODBYE, TYPE_HASH, TYPE_NAME, farewell
 from beacon_ros_topic.options import RosTopicOptions
 from beacon_ros_topic.qos import profile
 

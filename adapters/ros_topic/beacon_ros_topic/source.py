@@ -11,11 +11,11 @@ from rclpy.node import Node
 from beacon_core.errors import UsageError
 from beacon_core.ports.health import Condition, Health
 from beacon_core.ports.sink import HintSink
+from beacon_core.wire.medkit import GOODBYE, NO_STAMP, TYPE_HASH, TYPE_NAME, said_goodbye
 from beacon_ros.graph import Endpoint, publishers
 from beacon_ros.participant import OwnNode
 from beacon_ros.rawtype import message_type
 from beacon_ros.reader import Reader
-from beacon_ros_topic.message import GOODBYE, NO_STAMP, TYPE_HASH, TYPE_NAME, said_goodbye
 from beacon_ros_topic.options import RosTopicOptions
 from beacon_ros_topic.qos import misfit, profile
 from beacon_ros_topic.roster import Publisher, Roster

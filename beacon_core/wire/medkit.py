@@ -1,4 +1,6 @@
-"""The message as it travels, and the goodbye that ROS has no word for.
+"""A hint as a ROS message: its type, and the goodbye that ROS has no word for.
+
+The bytes are those of :mod:`beacon_core.wire.cdr`, whoever carries them.
 
 A goodbye is a hint with nothing but its entity id and a stamp from 1970, with a mark behind the
 message. Typed subscribers do not see the mark: they read what they know and leave the rest. A
@@ -27,7 +29,7 @@ _LONG_AGO_NS = 1
 
 
 def farewell(entity_id: str) -> bytes:
-    """The goodbye for this entity."""
+    """The goodbye for this entity. Thread rule: any thread."""
     return cdr.encode(BeaconHint(entity_id), _LONG_AGO_NS) + GOODBYE
 
 
