@@ -23,6 +23,7 @@ COMMANDS: Mapping[str, str] = {
     "get": "show one entity, or list all",
     "demo": "run a gateway with a small simulated fleet",
     "check-config": "check a configuration and show what it means",
+    "doctor": "explain an empty view: look at each source's carrier",
 }
 """Each subcommand with its line in the help; a module in ``commands`` of that name runs it."""
 

@@ -19,7 +19,7 @@ from beacon_gateway.console.exits import Exit
 from beacon_gateway.console.terminal import printable, write_json
 from beacon_gateway.problems import DocumentError, Problem
 
-__all__ = ["parser", "run"]
+__all__ = ["parser", "plain_problems", "run"]
 
 _NOT_SHOWN = "(given, not shown)"
 
@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     except ConfigError as error:
         if not arguments.json:
             raise
-        write_json({"ok": False, "problems": _problems(error)})
+        write_json({"ok": False, "problems": plain_problems(error)})
         return Exit.USAGE
     effective = _plain(loaded.config)
     if arguments.json:
@@ -56,7 +56,8 @@ def run(arguments: argparse.Namespace) -> int:
     return Exit.OK
 
 
-def _problems(error: ConfigError) -> list[dict[str, str]]:
+def plain_problems(error: ConfigError) -> list[dict[str, str]]:
+    """Everything that is wrong, as JSON would say it."""
     cause = error if isinstance(error, DocumentError) else error.__cause__
     if isinstance(cause, DocumentError):
         return [_plain_problem(problem) for problem in cause.problems]

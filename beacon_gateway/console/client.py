@@ -10,7 +10,7 @@ import httpx
 
 from beacon_gateway.console.exits import Exit, Fault
 
-__all__ = ["DEFAULT_URL", "Answer", "GatewayClient", "Unreachable"]
+__all__ = ["DEFAULT_URL", "Absent", "Answer", "GatewayClient", "Unreachable"]
 
 DEFAULT_URL = "http://127.0.0.1:8080"
 """Where ``beacon run`` listens unless told otherwise."""
@@ -22,6 +22,10 @@ _TIMEOUT_S = 5.0
 
 class Unreachable(Fault):
     """Nobody answers, or somebody who is no gateway."""
+
+
+class Absent(Unreachable):
+    """There is nobody at that address."""
 
 
 @attrs.frozen
@@ -67,7 +71,7 @@ class GatewayClient:
                 f"the gateway at {self.url} did not answer within {_TIMEOUT_S:.0f} s"
             ) from error
         except (httpx.TransportError, httpx.InvalidURL) as error:
-            raise Unreachable(
+            raise Absent(
                 f"no gateway answers at {self.url}; "
                 "start one with 'beacon run', or name another with --url"
             ) from error

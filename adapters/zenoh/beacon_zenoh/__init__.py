@@ -6,9 +6,12 @@ See docs/adapters/zenoh.md.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from beacon_core.errors import ConfigError
 from beacon_core.ports.adapter import Adapter
 from beacon_core.ports.announcer import Announcer
+from beacon_core.ports.examination import Finding
 from beacon_core.ports.source import HintSource
 from beacon_core.wire import json
 from beacon_zenoh.options import TlsOptions, ZenohOptions
@@ -30,6 +33,13 @@ def _announcer(options: ZenohOptions, period_s: float | None) -> Announcer:
     return ZenohAnnouncer(options, period_s)
 
 
+def _examine(options: ZenohOptions, seconds: float) -> Iterable[Finding]:
+    _need_zenoh()
+    from beacon_zenoh.examine import examine  # noqa: PLC0415 - the same
+
+    return examine(options, seconds)
+
+
 def _need_zenoh() -> None:
     try:
         import zenoh  # noqa: F401, PLC0415 - to see whether it is there
@@ -45,5 +55,6 @@ ADAPTER = Adapter(
     decode=json.decode,
     source=_source,
     announcer=_announcer,
+    examine=_examine,
 )
 """Chosen in a configuration as ``zenoh``."""

@@ -21,14 +21,15 @@ def test_the_adapter_is_complete() -> None:
         assert hasattr(beacon_zenoh, name)
 
 
-@pytest.mark.parametrize("make", ["source", "announcer"])
+@pytest.mark.parametrize(
+    ("make", "arguments"), [("source", ()), ("announcer", (None,)), ("examine", (1.0,))]
+)
 def test_without_zenoh_one_sentence_says_what_to_install(
-    monkeypatch: pytest.MonkeyPatch, make: str
+    monkeypatch: pytest.MonkeyPatch, make: str, arguments: tuple[object, ...]
 ) -> None:
     monkeypatch.setitem(sys.modules, "zenoh", None)
-    arguments = [ZenohOptions()] if make == "source" else [ZenohOptions(), None]
     with pytest.raises(ConfigError) as refusal:
-        getattr(ADAPTER, make)(*arguments)
+        getattr(ADAPTER, make)(ZenohOptions(), *arguments)
     assert str(refusal.value) == (
         "adapter: 'zenoh' needs eclipse-zenoh; run: pip install 'beacon-core[zenoh]'"
     )
