@@ -11,7 +11,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any, Protocol
 
 import attrs
@@ -54,7 +54,14 @@ class Capabilities:
     orders: bool = True
     """Messages of one announcer arrive in the order sent."""
     lossless: bool = True
-    """Nothing is lost while both ends are up and the load is moderate (some 1,000 messages)."""
+    """Nothing is lost while both ends are up and the load is moderate (some 1,000 messages): the
+    last word about each entity arrives."""
+    every_word: bool = True
+    """Each word does, also of several in quick succession about one entity. Not so where a source
+    asks now and then."""
+    pushes: bool = True
+    """An announcer decides when it is heard: when told, and each period. Where sources ask instead
+    it is heard as often as it is asked, and :meth:`Harness.silenced` makes it fall silent."""
     late_joiner_sees_present: bool = True
     """A source that starts late is told the present hints without waiting for the next period."""
     has_goodbye: bool = True
@@ -69,6 +76,8 @@ class Capabilities:
     """A message says, apart from its payload, whom it may speak for (a key, a node name)."""
     raw_payloads: bool = True
     """Hints travel as bytes, so that anybody can send anything: ``send_raw`` works."""
+    nul_in_text: bool = True
+    """A text may hold a NUL character. Carriers of C strings end at it."""
 
 
 class Harness(Protocol):
@@ -124,6 +133,11 @@ class Harness(Protocol):
     def crash(self, announcer: Announcer) -> None:
         """Let it vanish as if by ``kill -9``: without a goodbye."""
 
+    def silenced(self, announcer: Announcer) -> AbstractContextManager[object]:
+        """Within: nothing is heard of this announcer, which has no period, unless it is told
+        anything; it does not say goodbye and may be crashed. Where announcers push there is nothing
+        to do; where sources ask, it does not answer."""
+
     def encode(self, hint: BeaconHint, stamp_ns: int = 0) -> bytes:
         """The payload of a hint as an announcer of this adapter would send it."""
 
@@ -144,7 +158,8 @@ class Harness(Protocol):
 class RealTimeHarness:
     """The half of a :class:`Harness` that is the same for every real carrier.
 
-    A subclass sets ``adapter`` and gives ``options``, ``crash``, ``encode`` and ``send_raw``.
+    A subclass sets ``adapter`` and gives ``options``, ``crash``, ``encode`` and ``send_raw``; where
+    sources ask, ``silenced`` too.
     """
 
     adapter: Adapter
@@ -178,6 +193,9 @@ class RealTimeHarness:
         announcer = self.adapter.announcer(self.options(network), period_s)
         self._made.append(announcer)
         return announcer
+
+    def silenced(self, announcer: Announcer) -> AbstractContextManager[object]:  # noqa: ARG002 - as above
+        return nullcontext()
 
     def wait_until(self, predicate: Callable[[], bool], deadline_s: float) -> bool:
         deadline = time.monotonic() + deadline_s

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import attrs
@@ -110,6 +111,9 @@ class FakeHarness:
         for network in self._networks.values():
             if announcer.name in network.names():
                 network.crash(announcer.name)
+
+    def silenced(self, announcer: Announcer) -> AbstractContextManager[object]:  # noqa: ARG002 - without a period it is silent
+        return nullcontext()
 
     def encode(self, hint: BeaconHint, stamp_ns: int = 0) -> bytes:
         return json.encode(hint, stamp_ns)

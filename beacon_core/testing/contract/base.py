@@ -73,6 +73,12 @@ class ContractBase:
         for entity_id in entity_ids:
             self.reaches(harness, listener, entity_id, Status.ACTIVE)
 
+    def heard(self, harness: Harness, listener: Listener, entity_id: str) -> None:
+        """Wait until the entity is known, whatever its status."""
+        self.eventually(
+            harness, lambda: listener.status(entity_id) is not None, f"{entity_id} is heard"
+        )
+
     def reaches(
         self, harness: Harness, listener: Listener, entity_id: str, status: Status | None
     ) -> None:

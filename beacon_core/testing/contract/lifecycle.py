@@ -92,7 +92,7 @@ class LifecycleChecks(ContractBase):
         listener = Listener(harness, ttl_s=harness.ttl_s).start()
         announcer = harness.announcer()
         announcer.announce(hint("engine"))
-        self.eventually(harness, lambda: listener.status("engine") is not None, "engine is heard")
+        self.heard(harness, listener, "engine")
         announcer.withdraw("engine")
         self.eventually(harness, lambda: listener.count(Verdict.LEFT) == 1, "the goodbye is heard")
         self.reaches(harness, listener, "engine", None)
@@ -165,8 +165,11 @@ class LifecycleChecks(ContractBase):
         self.needs(harness, "late_joiner_sees_present")
         early = Listener(harness, ttl_s=harness.ttl_s).start()
         late = Listener(harness, ttl_s=harness.ttl_s)
-        harness.announcer().announce(hint("engine", "said once"))
-        self.reaches(harness, early, "engine", Status.STALE)
+        announcer = harness.announcer()
+        announcer.announce(hint("engine", "said once"))
+        self.heard(harness, early, "engine")
+        with harness.silenced(announcer):
+            self.reaches(harness, early, "engine", Status.STALE)
         late.start()
         self.named(harness, late, "engine", "said once")
 
@@ -222,10 +225,11 @@ class LifecycleChecks(ContractBase):
         first = harness.announcer(mortal=True)
         first.announce(hint("engine", "first"))
         self.named(harness, listener, "engine", "first")
-        second = harness.announcer()
-        second.announce(hint("engine", "second"))
-        self.named(harness, listener, "engine", "second")
-        harness.crash(first)
+        with harness.silenced(first):
+            second = harness.announcer()
+            second.announce(hint("engine", "second"))
+            self.named(harness, listener, "engine", "second")
+            harness.crash(first)
         self.never(harness, lambda: not listener.has("engine"), "the successor is not active")
         assert not known(listener, "engine").conflict
         self.conclude(harness, listener)

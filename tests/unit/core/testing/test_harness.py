@@ -94,6 +94,13 @@ def test_a_real_harness_makes_both_ends_and_closes_them(real: FakeInRealTime) ->
         announcer.announce(BeaconHint("a"))
 
 
+def test_who_pushes_falls_silent_by_itself(real: FakeInRealTime) -> None:
+    listener, announcer = Listener(real).start(), real.announcer()
+    with real.silenced(announcer):
+        announcer.announce(BeaconHint("a"))
+    assert real.wait_until(lambda: listener.has("a"), 10.0)
+
+
 def test_a_real_harness_must_say_how_its_options_are_made() -> None:
     with pytest.raises(NotImplementedError):
         RealTimeHarness().options()
