@@ -36,5 +36,6 @@ ADAPTER = Adapter(
     decode=cdr.decode,
     source=_source,
     announcer=_announcer,
+    vendor_endpoint="x-medkit-topic-beacon",
 )
 """Chosen in a configuration as ``ros_topic``."""

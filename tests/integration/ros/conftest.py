@@ -129,15 +129,20 @@ class Gateway:
 
     def status(self, path: str) -> str:
         """As that endpoint tells it: active, stale, left; or an error code."""
-        code, body = self.get(path)
-        if code == httpx.codes.OK:
-            return str(body["status"])
-        return str(body.get("parameters", {}).get("status", body["error_code"]))
+        return _status(*self.get(path))
 
     def becomes(self, path: str, status: str, within_s: float = DEADLINE_S) -> dict[str, Any]:
-        """Wait until that endpoint tells this status; returns what it tells."""
-        wait_until(lambda: self.status(path) == status, f"{path} {status}", within_s)
-        return self.get(path)[1]
+        """Wait until that endpoint tells this status; returns what it told then."""
+        told: dict[str, Any] = {}
+
+        def is_so() -> bool:
+            code, body = self.get(path)
+            told.clear()
+            told.update(body)
+            return _status(code, body) == status
+
+        wait_until(is_so, f"{path} {status}", within_s)
+        return told
 
 
 def wait_until(
@@ -209,6 +214,12 @@ def typed(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, str]:
         # The ros-* wheels set it for this process, and would not do so anew for a child.
         "LD_LIBRARY_PATH": _before("LD_LIBRARY_PATH", str(prefix / "lib")),
     }
+
+
+def _status(code: int, body: Mapping[str, Any]) -> str:
+    if code == httpx.codes.OK:
+        return str(body["status"])
+    return str(body.get("parameters", {}).get("status", body["error_code"]))
 
 
 def _build(prefix: Path, log: Path) -> None:
