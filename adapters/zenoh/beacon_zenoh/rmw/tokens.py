@@ -11,7 +11,7 @@ A node holds one, and one for each of its publishers, subscribers, services and 
 A publisher's GID, which stands beside its messages, is the XXH3-128 of its token's key. That is how
 a message's sender is known to be the one whose token it is. Others may number their publishers as
 they like: see :mod:`.publishers`.
-"""  # noqa: E501 - a key cannot be broken
+"""
 
 from __future__ import annotations
 
@@ -148,6 +148,4 @@ def _with_topic(bare: Member, name: str, kind: str, type_hash: str, given: str) 
         return None
     if type_name is None or profile is None:
         return None
-    return attrs.evolve(
-        bare, name=full_name, type_name=type_name, type_hash=type_hash, qos=profile
-    )
+    return attrs.evolve(bare, name=full_name, type_name=type_name, type_hash=type_hash, qos=profile)
