@@ -6,8 +6,11 @@ See docs/adapters/ros_topic.md.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from beacon_core.ports.adapter import Adapter
 from beacon_core.ports.announcer import Announcer
+from beacon_core.ports.examination import Finding
 from beacon_core.ports.source import HintSource
 from beacon_core.wire import cdr
 from beacon_ros.environment import need_rclpy
@@ -30,6 +33,13 @@ def _announcer(options: RosTopicOptions, period_s: float | None) -> Announcer:
     return RosTopicAnnouncer(options, period_s)
 
 
+def _examine(options: RosTopicOptions, seconds: float) -> Iterable[Finding]:
+    need_rclpy("ros_topic")
+    from beacon_ros_topic.examine import examine  # noqa: PLC0415 - the same
+
+    return examine(options, seconds)
+
+
 ADAPTER = Adapter(
     name="ros_topic",
     options=RosTopicOptions,
@@ -37,5 +47,6 @@ ADAPTER = Adapter(
     source=_source,
     announcer=_announcer,
     vendor_endpoint="x-medkit-topic-beacon",
+    examine=_examine,
 )
 """Chosen in a configuration as ``ros_topic``."""
