@@ -181,7 +181,7 @@ def gateway(children: Children, tmp_path: Path) -> Callable[[str], Gateway]:
     """Starts ``beacon run`` with what is given of a configuration, on a port of its own."""
 
     def start(text: str) -> Gateway:
-        config = tmp_path / "gateway.yaml"
+        config = tmp_path / f"gateway-{len(children.started)}.yaml"
         config.write_text(f"http: {{port: 0}}\n{text}", "utf-8")
         child = children.beacon("run", "-c", config, "--json")
         wait_until(lambda: child.said() or child.process.poll() is not None, "the gateway serves")
