@@ -6,8 +6,11 @@ See docs/adapters/ros_param.md.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from beacon_core.ports.adapter import Adapter
 from beacon_core.ports.announcer import Announcer
+from beacon_core.ports.examination import Finding
 from beacon_core.ports.source import HintSource
 from beacon_core.wire import json
 from beacon_ros.environment import need_rclpy
@@ -30,6 +33,13 @@ def _announcer(options: RosParamOptions, period_s: float | None) -> Announcer:
     return RosParamAnnouncer(options, period_s)
 
 
+def _examine(options: RosParamOptions, seconds: float) -> Iterable[Finding]:
+    need_rclpy("ros_param")
+    from beacon_ros_param.examine import examine  # noqa: PLC0415 - the same
+
+    return examine(options, seconds)
+
+
 ADAPTER = Adapter(
     name="ros_param",
     options=RosParamOptions,
@@ -37,5 +47,7 @@ ADAPTER = Adapter(
     source=_source,
     announcer=_announcer,
     default_ttl_s=15.0,
+    vendor_endpoint="x-medkit-param-beacon",
+    examine=_examine,
 )
 """Chosen in a configuration as ``ros_param``."""
