@@ -12,7 +12,7 @@ import attrs
 import zenoh
 
 from beacon_core.errors import ConfigError
-from beacon_zenoh.options import DEFAULT_ENDPOINT, Mode, TlsOptions, ZenohOptions
+from beacon_zenoh.options import DEFAULT_ENDPOINT, Mode, SessionOptions, TlsOptions
 
 __all__ = ["SessionConfig", "reason", "session_config"]
 
@@ -78,7 +78,7 @@ class SessionConfig:
         return zenoh.Config.from_json5(json.dumps(self.document))
 
 
-def session_config(options: ZenohOptions, default_mode: Mode) -> SessionConfig:
+def session_config(options: SessionOptions, default_mode: Mode) -> SessionConfig:
     """Put together what the options say. Reads files; connects to nothing.
 
     Raises ``ConfigError`` for what Zenoh refuses and for files that cannot be read.
@@ -105,7 +105,7 @@ def reason(error: Exception) -> str:
     return _SOURCE_PLACE.sub("", str(error)).strip().rstrip(".")
 
 
-def _named(options: ZenohOptions) -> _Document:
+def _named(options: SessionOptions) -> _Document:
     """The options that have names of their own, where Zenoh keeps them."""
     document: _Document = {}
     if options.mode is not None:

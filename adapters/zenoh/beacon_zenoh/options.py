@@ -10,7 +10,7 @@ import attrs
 
 from beacon_core.errors import ConfigError
 
-__all__ = ["DEFAULT_ENDPOINT", "Mode", "TlsOptions", "ZenohOptions"]
+__all__ = ["DEFAULT_ENDPOINT", "Mode", "SessionOptions", "TlsOptions", "ZenohOptions"]
 
 Mode = Literal["router", "client", "peer"]
 """What a session is on the network. A client only connects; the other two can listen, too."""
@@ -54,7 +54,7 @@ def _text(_: object, attribute: attrs.Attribute[Any], value: object) -> None:
         _complain(attribute, value, "a text")
 
 
-def _password(instance: ZenohOptions, attribute: attrs.Attribute[Any], value: object) -> None:
+def _password(instance: SessionOptions, attribute: attrs.Attribute[Any], value: object) -> None:
     if not isinstance(value, str):
         raise ConfigError(f"{attribute.name}: it is not a text; write a text")
     if bool(value) != bool(instance.user):
@@ -98,24 +98,22 @@ class TlsOptions:
 
 
 @attrs.frozen
-class ZenohOptions:
-    """``adapter: zenoh`` in a configuration, of a source or of an announcer.
+class SessionOptions:
+    """What every dialect needs to be told of its Zenoh session.
 
     ``ConfigError`` for a value that cannot be. What needs a look at files, or at Zenoh itself, is
     looked at when the source or announcer is made.
     """
 
     mode: Mode | None = attrs.field(default=None, validator=_mode)
-    """``router``: announcers connect to us; ``client``: we connect to a router, and wait for it;
-    ``peer``: either. Left out: a source is its own router, an announcer is a client."""
+    """``router``: others connect to us; ``client``: we connect to a router, and wait for it;
+    ``peer``: either. Left out: as suits the dialect."""
     connect: tuple[str, ...] = attrs.field(default=(), converter=_tuple, validator=_endpoints)
     """Where to connect to. A client that is given none connects to ``DEFAULT_ENDPOINT``; given
     several, to one of them, and to another when that fails."""
     listen: tuple[str, ...] = attrs.field(default=(), converter=_tuple, validator=_endpoints)
     """Where to listen. A router that is given none listens at ``DEFAULT_ENDPOINT``, a peer at a
     port of 127.0.0.1 that the system chooses, a client nowhere."""
-    prefix: str = attrs.field(default="beacon", validator=_prefix)
-    """What all keys begin with. Different prefixes do not hear each other."""
     user: str = attrs.field(default="", validator=_text)
     """The name to show to a router that asks for one. On ``tcp/`` it travels unencrypted."""
     password: str = attrs.field(default="", validator=_password, repr=False)
@@ -126,3 +124,14 @@ class ZenohOptions:
     """A file in Zenoh's own format (JSON5). Overrides our defaults."""
     config: Mapping[str, Any] = attrs.field(factory=dict, validator=_mapping, repr=False)
     """The same inline. Overrides ``config_file``; the options above override both."""
+
+
+@attrs.frozen
+class ZenohOptions(SessionOptions):
+    """``adapter: zenoh`` in a configuration, of a source or of an announcer.
+
+    Without a ``mode`` a source is its own router, and an announcer is a client.
+    """
+
+    prefix: str = attrs.field(default="beacon", validator=_prefix)
+    """What all keys begin with. Different prefixes do not hear each other."""

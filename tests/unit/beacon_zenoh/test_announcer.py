@@ -14,7 +14,7 @@ from beacon_core.hint import BeaconHint
 from beacon_core.ports.health import Condition
 from beacon_core.testing.harness import RealTimeHarness
 from beacon_core.wire import json
-from beacon_zenoh import ZenohOptions, wire
+from beacon_zenoh import ZenohOptions, spokesman, wire
 from beacon_zenoh import announcer as module
 from beacon_zenoh.announcer import ZenohAnnouncer
 from beacon_zenoh.harness import free_endpoint, open_router
@@ -196,7 +196,7 @@ def test_who_comes_back_in_one_breath_is_heard_in_that_order(ear: Ear) -> None:
 def test_without_a_router_of_each_entity_the_last_word_is_kept(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(module, "_MAX_WAITING", 10)
+    monkeypatch.setattr(spokesman, "_MAX_WAITING", 10)
     announcer = ZenohAnnouncer(ZenohOptions(connect=(free_endpoint(),)), 0.001)
     for number in range(100):
         announcer.announce(BeaconHint(f"part-{number % 7}", display_name=f"{number}"))
@@ -215,7 +215,7 @@ def test_words_that_cannot_be_said_quickly_enough_are_reduced_to_the_last_of_eac
 ) -> None:
     announcer = ear.announcer()
     monkeypatch.setattr(announcer, "_too_many", 5)
-    monkeypatch.setattr(module, "_MAX_WAITING", 5)
+    monkeypatch.setattr(spokesman, "_MAX_WAITING", 5)
     with announcer._lock:
         for number in range(100):
             announcer._put_in_line(f"part-{number % 3}", str(number).encode())
