@@ -101,9 +101,9 @@ class Children:
         """One of the scripts in ``nodes``."""
         return self.start(sys.executable, NODES / f"{script}.py", *arguments, env=env)
 
-    def beacon(self, *arguments: str | Path) -> Child:
+    def beacon(self, *arguments: str | Path, env: Mapping[str, str] | None = None) -> Child:
         """The ``beacon`` command."""
-        return self.start(sys.executable, "-m", "beacon_gateway", *arguments)
+        return self.start(sys.executable, "-m", "beacon_gateway", *arguments, env=env)
 
     def end_all(self) -> None:
         """Also those that are stopped."""
@@ -177,13 +177,13 @@ def children(tmp_path: Path, domain: int) -> Iterator[Children]:
 
 
 @pytest.fixture
-def gateway(children: Children, tmp_path: Path) -> Callable[[str], Gateway]:
+def gateway(children: Children, tmp_path: Path) -> Callable[..., Gateway]:
     """Starts ``beacon run`` with what is given of a configuration, on a port of its own."""
 
-    def start(text: str) -> Gateway:
+    def start(text: str, env: Mapping[str, str] | None = None) -> Gateway:
         config = tmp_path / f"gateway-{len(children.started)}.yaml"
         config.write_text(f"http: {{port: 0}}\n{text}", "utf-8")
-        child = children.beacon("run", "-c", config, "--json")
+        child = children.beacon("run", "-c", config, "--json", env=env)
         wait_until(lambda: child.said() or child.process.poll() is not None, "the gateway serves")
         assert child.said(), child.err.read_text("utf-8")
         return Gateway(child.said()[0]["url"], child)

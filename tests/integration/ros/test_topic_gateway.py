@@ -16,7 +16,7 @@ from beacon_ros.mortal import short_lease
 if TYPE_CHECKING:
     from tests.integration.ros.conftest import Child, Children, Gateway
 
-StartGateway = Callable[[str], "Gateway"]
+StartGateway = Callable[..., "Gateway"]
 WaitUntil = Callable[..., None]
 
 SENSOR = "apps/temp_sensor"
@@ -101,6 +101,15 @@ def test_a_typed_node_is_active_with_all_14_fields_and_stays_so_for_longer_than_
     assert health(running)["hints"]["restarts"] == 0
 
 
+def test_a_gateway_that_has_the_messages_package_hears_the_same(
+    gateway: StartGateway, sensor: Callable[..., Child], typed: Mapping[str, str]
+) -> None:
+    running = gateway(sources(), env=typed)
+    node = sensor()
+    body = running.becomes(CARRIERS, "active")
+    assert {key: body[key] for key in told(0)} == told(node.pid)
+
+
 def test_the_entity_lists_the_endpoint_and_an_unknown_entity_has_none(
     gateway: StartGateway, sensor: Callable[..., Child]
 ) -> None:
@@ -182,6 +191,31 @@ def test_a_best_effort_publisher_that_a_reliable_source_cannot_hear_is_named_in_
     assert found["counters"]["incompatible"] == 1
     assert running.status(CARRIERS) == "entity-not-found"
     wait_until(lambda: "/temp_sensor is not heard" in running.child.err.read_text("utf-8"))
+
+
+def test_a_nodes_beacon_follows_what_the_node_does(
+    gateway: StartGateway, children: Children, wait_until: WaitUntil
+) -> None:
+    running = gateway(sources())
+    node = children.node("beacon_sensor")
+    body = running.becomes(CARRIERS, "active")
+    assert (body["process_id"], body["process_name"]) == (node.pid, "beacon_sensor.py")
+    assert body["metadata"] == {"mode": "measuring"}
+    assert children.node("param_set", "/temp_sensor", "mode", "calibrating").ends() == 0
+    wait_until(lambda: running.get(CARRIERS)[1]["metadata"] == {"mode": "calibrating"})
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("program", ["tidy", "careless"])
+def test_a_node_with_a_beacon_has_left_once_it_is_told_to_stop(
+    program: str, number: signal.Signals, gateway: StartGateway, children: Children
+) -> None:
+    running = gateway(sources(ttl_s=300.0))
+    node = children.node("beacon_sensor", program)
+    running.becomes(OURS, "active")
+    node.signal(number)
+    node.ends()
+    running.becomes(OURS, "left", within_s=15.0)
 
 
 def test_an_announced_entity_is_active_and_has_left_after_ctrl_c(
