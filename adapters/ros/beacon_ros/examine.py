@@ -121,9 +121,10 @@ def elsewhere(
     look: Look, see: Callable[[Node], Collection[str]], doing: str = ""
 ) -> Iterator[Finding]:
     """Whom ``see`` sees on the other domains that people use; ``doing`` says what they do."""
-    domains = sorted({*OTHER_DOMAINS, *_shells_domain()} - {look.domain_id})
+    domains = {one for one in (*OTHER_DOMAINS, _shells_domain()) if one is not None}
+    possible = sorted(one for one in domains - {look.domain_id} if one <= _MAX_DOMAIN)
     with ExitStack() as stack:
-        others = {one: stack.enter_context(closing(_join(one))) for one in domains}
+        others = {one: stack.enter_context(closing(_join(one))) for one in possible}
         deadline = time.monotonic() + min(_OTHERS_S, look.seconds)
         while not any(see(own.node) for own in others.values()):
             if time.monotonic() > deadline:
@@ -149,22 +150,16 @@ def listed(names: Iterable[str]) -> str:
 
 
 def _join(domain_id: int | None) -> OwnNode:
-    try:
-        return OwnNode("doctor", domain_id)
-    except ConfigError:
-        raise
-    except Exception as error:  # RCLError, which is not a public name
-        named = os.environ.get("ROS_DOMAIN_ID", "0") if domain_id is None else domain_id
-        raise ConfigError(
-            f"ROS domain {named} cannot be joined (possible are 0 to {_MAX_DOMAIN}): "
-            f"{str(error).partition(', at ')[0]}"
-        ) from error
+    shells = _shells_domain()
+    if domain_id is None and shells is not None and shells > _MAX_DOMAIN:
+        # Fast DDS does not refuse it: it ends the process.
+        raise ConfigError(f"ROS_DOMAIN_ID is {shells}; set it to 0 to {_MAX_DOMAIN}, or unset it")
+    return OwnNode("doctor", domain_id)
 
 
-def _shells_domain() -> set[int]:
+def _shells_domain() -> int | None:
     named = os.environ.get("ROS_DOMAIN_ID", "")
-    domain = int(named) if named.isascii() and named.isdigit() else _MAX_DOMAIN + 1
-    return {domain} if domain <= _MAX_DOMAIN else set()
+    return int(named) if named.isascii() and named.isdigit() else None
 
 
 def _count(names: Collection[str], thing: str) -> str:
