@@ -39,8 +39,9 @@ So between the starts of two polls of x there is never more than ::
 
     max(M + n * P, r + (n + 1) * P) + D
 
-With fewer hung nodes than slots, and others that answer at once, that is the longer one of interval
-and timeout; so it is if they begin to hang at the worst moment. A nudge may add a timeout to D.
+With fewer hung nodes than slots, others that answer at once and a budget of at least the interval,
+that is the longer one of interval and timeout, also if the hung ones begin to hang at the worst
+moment. A nudge may add a timeout to D. Whatever the driver comes too late adds to the gap.
 """
 
 from __future__ import annotations

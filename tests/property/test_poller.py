@@ -1,0 +1,700 @@
+"""The plan of polls against everything at once: its rules written naively, and its promises.
+
+One machine draws nodes that come, go, are restarted, hang, thaw, fail and answer late, nudges, few
+slots, budgets that do not suffice, a machine that oversleeps. A driver carries the plan out as an
+adapter would, and asks it only when ``next_due_ns`` says so or something has happened.
+
+Beside it stand the rules, written with lists that are searched, and must say the same, word for
+word. And what is promised is checked without them, on what is seen from outside alone: the cap, the
+back-off, the bound on the gaps of a live node.
+
+    BEACON_MACHINE_SEED=7 pytest tests/property/test_poller.py            another run than usual
+"""
+
+from __future__ import annotations
+
+import copy
+import os
+from collections.abc import Iterator
+
+import attrs
+import hypothesis
+import pytest
+from hypothesis import HealthCheck, Phase, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import (
+    RuleBasedStateMachine,
+    initialize,
+    invariant,
+    precondition,
+    rule,
+    run_state_machine_as_test,
+)
+
+from beacon_core.poller import PollPlan, PollStats
+
+RUNS, STEPS_PER_RUN = 120, 40
+S = 1_000_000_000
+NAMES = "abcdefgh"
+LIVE, HUNG, FAILING, LATE = "live", "hung", "failing", "late"
+LONG_AGO = -(10**18)
+
+met: set[str] = set()
+"""What has happened in some run, so that a machine that tests nothing is found out."""
+
+
+@attrs.frozen
+class Setup:
+    """A plan's configuration in nanoseconds, and how quickly live nodes answer at the latest."""
+
+    interval: int
+    budget: int
+    timeout: int
+    slots: int
+    forget_after: int
+    answer: int
+
+    def plan(self) -> PollPlan:
+        return PollPlan(
+            interval_s=self.interval / S,
+            budget_s=self.budget / S,
+            timeout_s=self.timeout / S,
+            max_in_flight=self.slots,
+            forget_after_s=self.forget_after / S,
+            now_ns=0,
+        )
+
+    @property
+    def longest_cycle(self) -> int:
+        return max(self.interval, self.budget)
+
+    def largest_gap(self, others: int, hung: int, anew: int, nudges: int) -> int:
+        """The bound, letter by letter as it stands in the theory of ``beacon_core.poller``."""
+        w, r = others, self.answer
+        if self.slots == 1:
+            waits = [w * r + anew * self.timeout + 2 * (w + 1) * self.timeout]
+        else:
+            waits = [-(-(w * r + anew * self.timeout) // -(-self.slots // 2))]
+        if self.slots > hung:
+            waits.append(-(-w * r // (self.slots - hung)))
+        wait = min(waits) + nudges * self.timeout
+        cycle = max(self.interval, min(self.budget, self.timeout + wait))
+        pause, pauses = max(0, self.interval - self.budget), wait // self.budget
+        return max(cycle + pauses * pause, r + (pauses + 1) * pause) + wait
+
+    def longest_return(self, polls: int) -> int:
+        """Until a node that failed or is new is asked, if so many polls at most come before it."""
+        wait = polls * self.timeout
+        pause = max(0, self.interval - self.budget)
+        return 9 * self.longest_cycle + wait + (wait // self.budget + 1) * pause
+
+
+# -- the rules, written naively ------------------------------------------------------------------
+
+
+@attrs.define(eq=False)
+class Node:
+    name: str
+    kind: str = "new"
+    place: str = "due"
+    """Or: in the air, asked, resting, urgent."""
+    order: int = 0
+    """Of who has come to the same place, the one with the least came first."""
+    failures: int = 0
+    cycle: int = 0
+    wake: int = 0
+    nudged: bool = False
+
+
+@attrs.define(eq=False)
+class Flight:
+    node: Node
+    kind: str
+    deadline: int
+
+
+class Naive:
+    """Whatever is asked, all nodes are looked through."""
+
+    def __init__(self, setup: Setup) -> None:
+        self.setup = setup
+        self.nodes: list[Node] = []
+        self.air: list[Flight] = []
+        self.vanished: dict[str, int] = {}
+        self.start = -setup.interval
+        self.kinds = ["new", "silent", "proven"]
+        self.orders = self.cycles = self.polls = self.failures = self.cut = self.took = 0
+        self.over = True
+
+    def stats(self) -> PollStats:
+        resting = [node for node in self.nodes if node.place == "resting"]
+        return PollStats(
+            len(self.nodes),
+            len(self.air),
+            len(resting),
+            self.cycles,
+            self.polls,
+            self.failures,
+            self.took,
+            self.cut,
+        )
+
+    def find(self, name: str) -> Node | None:
+        return next((node for node in self.nodes if node.name == name), None)
+
+    def put(self, node: Node, place: str) -> None:
+        self.orders += 1
+        node.place, node.order = place, self.orders
+
+    def waiting(self, *kinds: str, place: str = "due") -> list[Node]:
+        found = [node for node in self.nodes if node.place == place and node.kind in kinds]
+        return sorted(found, key=lambda node: node.order)
+
+    def set_targets(self, names: list[str], now: int) -> None:
+        for node in [node for node in self.nodes if node.name not in names]:
+            self.nodes.remove(node)
+            self.vanished[node.name] = now
+            for flight in self.air:
+                if flight.node is node:
+                    flight.deadline = now
+        for name in names:
+            if self.find(name) is None:
+                self.vanished.pop(name, None)
+                self.nodes.append(Node(name))
+                self.put(self.nodes[-1], "due")
+                if any(flight.node.name == name for flight in self.air):
+                    self.nodes[-1].place = "air"
+
+    def begin(self, now: int) -> list[str]:
+        setup, proven_wait = self.setup, self.waiting("proven")
+        if now >= self.start + (setup.longest_cycle if proven_wait else setup.interval):
+            self.start_cycle(now)
+        begun = []
+        while len(self.air) < setup.slots and (node := self.choose(now)) is not None:
+            self.air.append(Flight(node, node.kind, now + setup.timeout))
+            node.place, node.cycle, node.nudged = "air", self.cycles, False
+            self.polls += 1
+            begun.append(node.name)
+        self.measure(now)
+        return begun
+
+    def start_cycle(self, now: int) -> None:
+        if not self.over:
+            self.took = now - self.start
+        everybody = self.waiting(*self.kinds)
+        self.cut += bool(self.cycles and everybody and now >= self.start + self.setup.budget)
+        self.cycles, self.start, self.over = self.cycles + 1, now, False
+        for node in self.waiting("proven", place="asked"):
+            self.put(node, "due")
+        for node in self.waiting("silent", place="resting"):
+            if node.wake == self.cycles:
+                self.put(node, "due")
+
+    def choose(self, now: int) -> Node | None:
+        if urgent := self.waiting(*self.kinds, place="urgent"):
+            return urgent[0]
+        if now >= self.start + self.setup.budget:
+            return None
+        for kind in self.kinds:
+            if (due := self.waiting(kind)) and (kind == "proven" or self.lane_is_free()):
+                turn = self.kinds.index(kind) + 1
+                self.kinds = self.kinds[turn:] + self.kinds[:turn]
+                return due[0]
+        return None
+
+    def lane_is_free(self) -> bool:
+        slots = self.setup.slots
+        proven = sum(node.kind == "proven" for node in self.nodes)
+        unproven = sum(flight.kind != "proven" for flight in self.air)
+        return unproven < max(1, slots - min(-(-slots // 2), proven))
+
+    def overdue(self, now: int) -> list[str]:
+        over = [flight.node.name for flight in self.air if flight.deadline <= now]
+        for name in over:
+            self.land(name, now, answered=False)
+        return over
+
+    def land(self, name: str, now: int, *, answered: bool) -> None:
+        for flight in [flight for flight in self.air if flight.node.name == name]:
+            self.air.remove(flight)
+            node = self.find(name)
+            if node is flight.node:
+                node.kind = "proven" if answered else "silent"
+                node.failures = 0 if answered else node.failures + 1
+                self.failures += not answered
+            if node is not None:
+                self.place(node)
+            self.measure(now)
+
+    def place(self, node: Node) -> None:
+        if node.nudged:
+            self.put(node, "urgent")
+        elif node.failures:
+            node.wake = self.cycles + 1 + [1, 2, 4, 8][min(node.failures, 4) - 1]
+            self.put(node, "resting")
+        else:
+            self.put(node, "asked" if (node.kind, node.cycle) == ("proven", self.cycles) else "due")
+
+    def measure(self, now: int) -> None:
+        if not self.over and not self.air and not self.waiting(*self.kinds):
+            self.over, self.took = True, now - self.start
+
+    def nudge(self, name: str) -> None:
+        node = self.find(name)
+        if node is not None and not node.nudged:
+            node.nudged = True
+            if node.place != "air":
+                self.put(node, "urgent")
+
+    def forgotten(self, now: int) -> list[str]:
+        gone = [n for n, then in self.vanished.items() if then + self.setup.forget_after <= now]
+        for name in gone:
+            del self.vanished[name]
+        return gone
+
+
+# -- what is seen from outside -------------------------------------------------------------------
+
+
+@attrs.define(eq=False)
+class Seen:
+    """What the driver knows of one name."""
+
+    mode: str = LIVE
+    live_since: int = 0
+    not_live: int = LONG_AGO
+    """When it was last seen not to be live."""
+    there_since: int | None = None
+    there: int = LONG_AGO
+    """When it was last a target."""
+    vanished: int | None = None
+    proven: bool = False
+    nudged: bool = False
+    failures: int = 0
+    failed_in: int = 0
+    begun: int | None = None
+    """When it was last asked in this life."""
+    begun_in: int = 0
+    live: bool = False
+    """It was live when it was last asked, and has been ever since."""
+
+
+@attrs.frozen
+class Begun:
+    at: int
+    name: str
+    proven: bool
+    nudged: bool
+
+
+class Watch:
+    """The promises, on what is seen alone."""
+
+    def __init__(self, setup: Setup) -> None:
+        self.setup = setup
+        self.seen = {name: Seen() for name in NAMES}
+        self.air: dict[str, bool] = {}
+        # In flight: whether it was proven when it was asked.
+        self.log: list[Begun] = []
+        self.arrivals: list[int] = []
+        self.cycle_start = 0
+
+    # -- what happens
+
+    def targets(self, names: list[str], now: int) -> None:
+        for name, one in self.seen.items():
+            if name in names and one.there_since is None:
+                self.seen[name] = attrs.evolve(
+                    one, there_since=now, vanished=None, proven=False, nudged=False, failures=0
+                )
+                self.seen[name].begun, self.seen[name].live = None, False
+                self.arrivals.append(now)
+            elif name not in names and one.there_since is not None:
+                one.there_since, one.there, one.vanished = None, now, now
+
+    def begin(self, names: list[str], cycle: int, now: int) -> None:
+        for name in names:
+            one = self.seen[name]
+            assert name not in self.air
+            assert one.there_since is not None
+            if one.failures and not one.nudged:
+                assert cycle > one.failed_in + rest(one.failures)
+            if not one.nudged:
+                assert cycle > one.begun_in or one.begun is None
+                assert now < self.cycle_start + self.setup.budget
+            self.check_wait(name, now)
+            self.air[name] = one.proven
+            self.log.append(Begun(now, name, one.proven, one.nudged))
+            one.begun, one.begun_in, one.nudged = now, cycle, False
+            one.live = one.mode == LIVE
+        assert len(self.air) <= self.setup.slots
+        if len(self.air) < self.setup.slots:
+            self.check_nobody_waits_in_vain(cycle, now)
+
+    def land(self, name: str, cycle: int, *, answered: bool, ignored: bool) -> None:
+        one = self.seen[name]
+        del self.air[name]
+        if not ignored:
+            one.proven, one.failed_in = answered, cycle
+            one.failures = 0 if answered else one.failures + 1
+            met.add(f"failed {min(one.failures, 5)} times")
+
+    def forgotten(self, names: list[str], now: int) -> None:
+        due = {
+            name
+            for name, one in self.seen.items()
+            if one.vanished is not None and one.vanished + self.setup.forget_after <= now
+        }
+        assert sorted(names) == sorted(due)
+        for name in names:
+            self.seen[name].vanished = None
+
+    def behave(self, name: str, mode: str, now: int) -> None:
+        one = self.seen[name]
+        if (mode == LIVE) != (one.mode == LIVE):
+            one.live_since, one.not_live, one.live = now, now, False
+        one.mode = mode
+
+    def overslept(self, now: int) -> None:
+        """The driver was late: that is its own fault, and no gap to blame the plan for."""
+        for one in self.seen.values():
+            one.live_since, one.live = now, False
+
+    # -- what is promised
+
+    def check_nobody_waits_in_vain(self, cycle: int, now: int) -> None:
+        """Who is due is not left out while there is a slot for it and a budget."""
+        there = {name: one for name, one in self.seen.items() if one.there_since is not None}
+        assert not any(one.nudged and name not in self.air for name, one in there.items())
+        if now >= self.cycle_start + self.setup.budget:
+            return
+        slots = self.setup.slots
+        kept = min(-(-slots // 2), sum(one.proven for one in there.values()))
+        lane_is_full = list(self.air.values()).count(False) >= max(1, slots - kept)
+        for name, one in there.items():
+            if name not in self.air and not (lane_is_full and not one.proven):
+                asked = one.begun is not None and one.begun_in == cycle
+                assert asked or (one.failures and cycle <= one.failed_in + rest(one.failures))
+        if lane_is_full:
+            met.add("silent ones wait while slots are kept free")
+
+    def check_wait(self, name: str, now: int) -> None:
+        """No live node starves."""
+        one = self.seen[name]
+        if one.there_since is None or one.mode != LIVE:
+            return
+        if one.live and one.begun is not None:
+            self.check_gap(name, one.begun, now)
+        elif name not in self.air and not one.proven:
+            since = max(one.there_since, one.live_since)
+            nudges = sum(begun.nudged for begun in self.log if begun.at >= since)
+            polls = 3 * (2 * len(NAMES) + 2 + self.count_arrivals(since)) + nudges
+            assert now - since <= self.setup.longest_return(polls)
+
+    def check_gap(self, name: str, then: int, now: int) -> None:
+        # From when polls that were in flight when the cycle of that poll started may have begun.
+        since = then - self.setup.longest_cycle - self.setup.timeout
+        others = {
+            n: one for n, one in self.seen.items() if n != name and self.was_there(one, since)
+        }
+        hung = {n for n, one in others.items() if one.mode != LIVE or one.not_live >= since}
+        lately = [begun for begun in self.log if begun.at >= since]
+        anew = sum(begun.proven and begun.name in hung for begun in lately)
+        nudges = sum(begun.nudged for begun in lately)
+        # Who comes anew may come between once more, if it answers: the lane is not full then.
+        many = len(others) + self.count_arrivals(since)
+        gap, bound = now - then, self.setup.largest_gap(many, len(hung), anew, nudges)
+        assert gap <= bound, (name, gap, bound)
+        if 2 * gap > bound:
+            met.add("a gap of more than half the bound")
+        if len(hung) >= self.setup.slots:
+            met.add("as many hung nodes as slots")
+        if gap > self.setup.longest_cycle + self.setup.timeout:
+            met.add("a gap of more than a cycle and a timeout")
+
+    def count_arrivals(self, since: int) -> int:
+        return sum(at >= since for at in self.arrivals)
+
+    @staticmethod
+    def was_there(one: Seen, since: int) -> bool:
+        return one.there_since is not None or one.there >= since
+
+
+def rest(failures: int) -> int:
+    return [1, 2, 4, 8, 8][min(failures, 5) - 1]
+
+
+# -- the driver, and the world -------------------------------------------------------------------
+
+names = st.sampled_from(NAMES)
+modes = st.sampled_from([LIVE, LIVE, HUNG, HUNG, FAILING, LATE])
+easy = st.builds(
+    Setup,
+    interval=st.sampled_from([S, S, S // 2, 5 * S]),
+    budget=st.sampled_from([10 * S, 10 * S, 2 * S, S // 2, S // 10]),
+    timeout=st.sampled_from([S // 2, S // 2, S, 2 * S]),
+    slots=st.sampled_from([1, 2, 3, 4, 6, 9]),
+    forget_after=st.sampled_from([0, S, 20 * S]),
+    answer=st.sampled_from([0, S // 100, S // 10, S // 2]),
+)
+hard = st.builds(
+    Setup,
+    interval=st.just(S // 2),
+    budget=st.sampled_from([S // 2, S // 5, 3 * S]),
+    timeout=st.sampled_from([S // 2, S, 2 * S]),
+    slots=st.sampled_from([1, 1, 2, 3]),
+    forget_after=st.just(S),
+    answer=st.sampled_from([S // 10, S // 2]),
+)
+
+
+class Machine(RuleBasedStateMachine):
+    setup: Setup
+
+    @initialize(setup=easy | hard, who=st.sets(names, min_size=2))
+    def build(self, setup: Setup, who: set[str]) -> None:
+        self.setup = setup
+        self.plan, self.naive, self.watch = setup.plan(), Naive(setup), Watch(setup)
+        self.now = self.cycles = 0
+        self.answers: list[tuple[int, str, bool, object]] = []
+        # When, who, whether it succeeds, and of which request.
+        self.requests: dict[str, object] = {}
+        self.voided: set[object] = set()
+        # Requests to a life that has ended.
+        self.new_cycle = False
+        self.set_targets(sorted(who))
+
+    # -- who is there
+
+    @rule(who=st.sets(names))
+    def all_change(self, who: set[str]) -> None:
+        self.set_targets(sorted(who))
+
+    @rule(name=names)
+    def come(self, name: str) -> None:
+        self.set_targets([*self.there, name])
+
+    @rule(name=names)
+    def go(self, name: str) -> None:
+        self.set_targets([one for one in self.there if one != name])
+
+    @rule(name=names, mode=modes)
+    def restart(self, name: str, mode: str) -> None:
+        """Seen to be gone and back before anybody has taken down its request."""
+        there = self.there
+        self.tell_targets([one for one in there if one != name])
+        self.behave(name, mode)
+        self.set_targets([*there, name])
+
+    @property
+    def there(self) -> list[str]:
+        return [name for name, one in self.watch.seen.items() if one.there_since is not None]
+
+    def set_targets(self, targets: list[str]) -> None:
+        self.tell_targets(targets)
+        self.turn()
+
+    def tell_targets(self, targets: list[str]) -> None:
+        self.voided |= {request for name, request in self.requests.items() if name not in targets}
+        self.plan.set_targets(iter(targets), self.now)
+        self.naive.set_targets(list(dict.fromkeys(targets)), self.now)
+        self.watch.targets(targets, self.now)
+
+    # -- how they are
+
+    @rule(name=names, mode=modes)
+    def behave(self, name: str, mode: str) -> None:
+        self.watch.behave(name, mode, self.now)
+        if mode == HUNG:
+            self.answers = [answer for answer in self.answers if answer[1] != name]
+        elif name in self.requests and not any(one[1] == name for one in self.answers):
+            # It thaws, and finds a request.
+            self.answer(name, self.requests[name])
+
+    @rule(several=st.sets(names), mode=modes)
+    def all_behave(self, several: set[str], mode: str) -> None:
+        for name in sorted(several):
+            self.behave(name, mode)
+
+    def answer(self, name: str, request: object) -> None:
+        mode = self.watch.seen[name].mode
+        # Some at once, some as late as a live node may; and each now so, now so.
+        share = (NAMES.index(name) + self.naive.polls // 5) % 3
+        takes = min(self.setup.answer, self.setup.timeout) * share // 2
+        takes += self.setup.timeout + 1 if mode == LATE else 0
+        if mode != HUNG:
+            self.answers.append((self.now + takes, name, mode != FAILING, request))
+
+    # -- what the driver is told besides
+
+    @rule(name=names)
+    def nudge(self, name: str) -> None:
+        self.plan.nudge(name, self.now)
+        self.naive.nudge(name)
+        self.watch.seen[name].nudged = self.watch.seen[name].there_since is not None
+        self.turn()
+
+    @rule(name=st.sampled_from([*NAMES, "nobody"]), answered=st.booleans())
+    def stray(self, name: str, *, answered: bool) -> None:
+        """Of a request that was taken down long ago, or was never made."""
+        if name not in self.requests:
+            before = self.plan.stats()
+            (self.plan.answered if answered else self.plan.failed)(name, self.now)
+            assert self.plan.stats() == before
+
+    # -- time
+
+    @rule(share=st.sampled_from([0.1, 0.5, 1, 3]), of=st.sampled_from(["interval", "timeout"]))
+    def wait(self, share: float, of: str) -> None:
+        self.run_until(self.now + int(share * getattr(self.setup, of)))
+
+    @rule(beside=st.sampled_from([-1, 0, 1]))
+    def wait_until_due(self, beside: int) -> None:
+        self.run_until(max(self.now, self.plan.next_due_ns() + beside))
+
+    @rule(cycles=st.integers(5, 20))
+    def wait_long(self, cycles: int) -> None:
+        self.run_until(self.now + cycles * self.setup.interval)
+
+    @rule(hung=st.sets(names, max_size=6), cycles=st.integers(20, 40))
+    def leave_alone(self, hung: set[str], cycles: int) -> None:
+        """Until what was before counts no more, and the bound is at its tightest."""
+        for name in NAMES:
+            self.behave(name, HUNG if name in hung else LIVE)
+        self.run_until(self.now + cycles * self.setup.interval)
+
+    @rule(share=st.sampled_from([0.3, 1, 2.5, 100]))
+    def oversleep(self, share: float) -> None:
+        self.now += int(share * self.setup.interval)
+        self.watch.overslept(self.now)
+        self.deliver()
+        self.turn()
+
+    def run_until(self, end: int) -> None:
+        while True:
+            coming = min((at for at, *_ in self.answers), default=end + 1)
+            if (coming := min(coming, self.plan.next_due_ns())) > end:
+                self.now = end
+                return
+            self.now = max(self.now, coming)
+            self.deliver()
+            self.turn()
+
+    def deliver(self) -> None:
+        due = [answer for answer in self.answers if answer[0] <= self.now]
+        self.answers = [answer for answer in self.answers if answer[0] > self.now]
+        for _, name, answered, request in sorted(due, key=lambda answer: answer[:2]):
+            if self.requests.get(name) is request:
+                (self.plan.answered if answered else self.plan.failed)(name, self.now)
+                self.naive.land(name, self.now, answered=answered)
+                self.landed(name, answered=answered)
+            else:
+                met.add("a late answer")
+                self.stray(name, answered=answered)
+
+    def turn(self) -> None:
+        """What a driver does when something has happened, and when it is due."""
+        while self.plan.next_due_ns() <= self.now:
+            assert self.does_something()
+
+    def does_something(self) -> bool:
+        overdue = self.plan.overdue(self.now)
+        assert sorted(overdue) == sorted(self.naive.overdue(self.now))
+        for name in overdue:
+            self.landed(name, answered=False)
+        forgotten = self.plan.forgotten(self.now)
+        assert forgotten == self.naive.forgotten(self.now)
+        self.watch.forgotten(forgotten, self.now)
+        begun = self.plan.begin(self.now)
+        assert begun == self.naive.begin(self.now)
+        self.begun(begun)
+        return bool(overdue or forgotten or begun) or self.new_cycle
+
+    def landed(self, name: str, *, answered: bool) -> None:
+        request = self.requests.pop(name)
+        ignored = request in self.voided
+        if ignored:
+            met.add("a request to a life that has ended")
+        self.watch.land(name, self.plan.stats().cycles, answered=answered, ignored=ignored)
+
+    def begun(self, begun: list[str]) -> None:
+        cycles = self.plan.stats().cycles
+        self.new_cycle = cycles > self.cycles
+        if self.new_cycle:
+            assert cycles == self.cycles + 1
+            assert self.now >= self.watch.cycle_start + self.setup.interval or cycles == 1
+            self.cycles, self.watch.cycle_start = cycles, self.now
+        self.watch.begin(begun, cycles, self.now)
+        for name in begun:
+            self.requests[name] = object()
+            self.answer(name, self.requests[name])
+
+    # -- after each step
+
+    @precondition(lambda self: hasattr(self, "plan"))
+    @invariant()
+    def both_agree(self) -> None:
+        stats = self.plan.stats()
+        assert stats == self.naive.stats()
+        assert self.plan.in_flight == stats.in_flight == len(self.requests) <= self.setup.slots
+        # Whoever vanishes gives its slot back at once.
+        assert self.voided.isdisjoint(self.requests.values())
+        if stats.cut_cycles:
+            met.add("a cycle that was cut")
+
+    @precondition(lambda self: hasattr(self, "plan"))
+    @invariant()
+    def nobody_has_waited_too_long(self) -> None:
+        for name in NAMES:
+            self.watch.check_wait(name, self.now)
+
+    @precondition(lambda self: hasattr(self, "plan"))
+    @invariant()
+    def there_is_nothing_to_do_before_it_is_due_and_something_then(self) -> None:
+        due = self.plan.next_due_ns()
+        assert due > self.now
+        assert not would_do_something(self.plan, due - 1)
+        assert would_do_something(self.plan, due)
+
+
+def would_do_something(plan: PollPlan, now: int) -> bool:
+    tried, cycles = copy.deepcopy(plan), plan.stats().cycles
+    done = [tried.overdue(now), tried.forgotten(now), tried.begin(now)]
+    return any(done) or tried.stats().cycles > cycles
+
+
+@pytest.fixture
+def _nothing_met() -> Iterator[None]:
+    met.clear()
+    yield
+    met.clear()
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.usefixtures("_nothing_met")
+def test_whatever_happens_the_plan_keeps_its_promises() -> None:
+    seeded = hypothesis.seed(int(os.environ.get("BEACON_MACHINE_SEED", "1")))(
+        type("Seeded", (Machine,), {})
+    )
+    # Shrinking takes minutes, and to know that something fails it is not needed.
+    shrink = [] if os.environ.get("BEACON_MACHINE_SHRINK") == "0" else [Phase.shrink]
+    rules = settings(
+        phases=[Phase.generate, *shrink],
+        max_examples=RUNS,
+        stateful_step_count=STEPS_PER_RUN,
+        deadline=None,
+        database=None,
+        suppress_health_check=list(HealthCheck),
+        report_multiple_bugs=False,
+    )
+    run_state_machine_as_test(seeded, settings=rules)
+    assert met >= {
+        "a cycle that was cut",
+        "a gap of more than a cycle and a timeout",
+        "a gap of more than half the bound",
+        "a late answer",
+        "a request to a life that has ended",
+        "as many hung nodes as slots",
+        "failed 5 times",
+        "silent ones wait while slots are kept free",
+    }
