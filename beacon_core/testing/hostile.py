@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping
 
+from beacon_core.hint import BeaconHint
 from beacon_core.limits import MAX_PAYLOAD_BYTES
+from beacon_core.wire import cdr
+from beacon_core.wire.medkit import GOODBYE, farewell
 
-__all__ = ["HOSTILE_IDS", "HOSTILE_JSON", "HOSTILE_PAYLOADS", "OVERSIZE_PAYLOAD"]
+__all__ = ["HOSTILE_CDR", "HOSTILE_IDS", "HOSTILE_JSON", "HOSTILE_PAYLOADS", "OVERSIZE_PAYLOAD"]
 
 HOSTILE_PAYLOADS: Mapping[str, bytes] = {
     "nothing": b"",
@@ -53,6 +57,30 @@ HOSTILE_JSON: Mapping[str, bytes] = {
     "wrong-types": b'{"entity_id": "hostile", "display_name": 7, "hostname": ["a"]}',
 }
 """JSON hints about ``hostile``, each with something wrong: repaired, or refused; never a fault."""
+
+
+def _altered(field_value: bytes, at: int) -> bytes:
+    """A good message with four bytes replaced, counted from the end."""
+    good = bytearray(cdr.encode(BeaconHint("hostile"), 1))
+    good[len(good) + at : len(good) + at + 4] = field_value
+    return bytes(good)
+
+
+HOSTILE_CDR: Mapping[str, bytes] = {
+    "stamp-negative": _altered(struct.pack("<i", -1), -8),
+    "nanosec-huge": _altered(b"\xff\xff\xff\xff", -4),
+    "metadata-endless": _altered(b"\xff\xff\xff\xff", -12),
+    "big-endian": cdr.encode(BeaconHint("hostile"), big_endian=True),
+    "not-utf-8": cdr.encode(BeaconHint("hostile", display_name="xyz")).replace(
+        b"xyz", b"\xff\xc3z"
+    ),
+    "bytes-behind": cdr.encode(BeaconHint("hostile")) + b"\xde\xad\xbe\xef" * 5,
+    "mark-of-a-goodbye-alone": GOODBYE,
+    "goodbye-for-nobody": farewell(""),
+    "goodbye-for-a-stranger": farewell("../../etc/passwd\n"),
+    "goodbye-in-pieces": farewell("hostile")[:7] + GOODBYE,
+}
+"""The same as ROS messages: repaired, or refused; never a fault."""
 
 HOSTILE_IDS: Mapping[str, str] = {
     "empty": "",

@@ -16,6 +16,8 @@ from beacon_core.wire import cdr
 __all__ = ["GOODBYE", "NO_STAMP", "TYPE_HASH", "TYPE_NAME", "farewell", "said_goodbye"]
 
 TYPE_NAME = "ros2_medkit_msgs/msg/MedkitDiscoveryHint"
+"""What ros2_medkit's own beacons publish."""
+
 TYPE_HASH = "RIHS01_16ec18a77a01f5e639a09c223e2eaafbfa453ad5c0bc1461ca21801371de0d24"
 """Computed by ROS from the definition; ``ros2 topic info -v`` shows it."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import struct
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -13,8 +12,9 @@ from beacon_core.hint import BeaconHint
 from beacon_core.ports.adapter import Adapter
 from beacon_core.ports.announcer import Announcer
 from beacon_core.testing.harness import Capabilities, RealTimeHarness
+from beacon_core.testing.hostile import HOSTILE_CDR
 from beacon_core.wire import cdr
-from beacon_core.wire.medkit import GOODBYE, TYPE_HASH, TYPE_NAME, farewell
+from beacon_core.wire.medkit import TYPE_HASH, TYPE_NAME
 from beacon_ros.domains import DomainLease
 from beacon_ros.mortal import MortalAnnouncer
 from beacon_ros.participant import OwnNode
@@ -23,31 +23,7 @@ from beacon_ros_topic import ADAPTER
 from beacon_ros_topic.options import RosTopicOptions
 from beacon_ros_topic.qos import profile
 
-__all__ = ["HOSTILE_CDR", "RosTopicHarness"]
-
-
-def _altered(field_value: bytes, at: int) -> bytes:
-    """A good message with four bytes replaced, counted from the end."""
-    good = bytearray(cdr.encode(BeaconHint("hostile"), 1))
-    good[len(good) + at : len(good) + at + 4] = field_value
-    return bytes(good)
-
-
-HOSTILE_CDR: Mapping[str, bytes] = {
-    "stamp-negative": _altered(struct.pack("<i", -1), -8),
-    "nanosec-huge": _altered(b"\xff\xff\xff\xff", -4),
-    "metadata-endless": _altered(b"\xff\xff\xff\xff", -12),
-    "big-endian": cdr.encode(BeaconHint("hostile"), big_endian=True),
-    "not-utf-8": cdr.encode(BeaconHint("hostile", display_name="xyz")).replace(
-        b"xyz", b"\xff\xc3z"
-    ),
-    "bytes-behind": cdr.encode(BeaconHint("hostile")) + b"\xde\xad\xbe\xef" * 5,
-    "mark-of-a-goodbye-alone": GOODBYE,
-    "goodbye-for-nobody": farewell(""),
-    "goodbye-for-a-stranger": farewell("../../etc/passwd\n"),
-    "goodbye-in-pieces": farewell("hostile")[:7] + GOODBYE,
-}
-"""Messages about ``hostile``, each with something wrong: repaired, or refused; never a fault."""
+__all__ = ["RosTopicHarness"]
 
 
 class RosTopicHarness(RealTimeHarness):

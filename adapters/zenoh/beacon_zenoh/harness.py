@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import signal
 import socket
@@ -24,7 +25,7 @@ from beacon_core.wire import json as wire
 from beacon_zenoh import ADAPTER
 from beacon_zenoh.config import session_config
 from beacon_zenoh.keys import Keys
-from beacon_zenoh.options import ZenohOptions
+from beacon_zenoh.options import SessionOptions, ZenohOptions
 
 __all__ = [
     "OwnRouterHarness",
@@ -131,8 +132,14 @@ class OwnRouterHarness(ZenohHarness):
 class ProcessAnnouncer:
     """An announcer in a process of its own, which can be killed, stopped and interrupted."""
 
-    def __init__(self, options: ZenohOptions, period_s: float | None = None) -> None:
-        plain = json.dumps([cattrs.unstructure(options), period_s])
+    def __init__(
+        self,
+        options: SessionOptions,
+        period_s: float | None = None,
+        package: str = "beacon_zenoh",
+    ) -> None:
+        """``options`` are those of the adapter of that package."""
+        plain = json.dumps([package, cattrs.unstructure(options), period_s])
         self.process = subprocess.Popen(  # noqa: S603 - our own module
             [sys.executable, "-m", __name__, plain], stdin=subprocess.PIPE
         )
@@ -205,5 +212,7 @@ def _obey(announcer: Announcer, orders: Iterable[bytes | str]) -> None:
 
 if __name__ == "__main__":
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    _plain, _period_s = json.loads(sys.argv[1])
-    _obey(ADAPTER.announcer(cattrs.structure(_plain, ZenohOptions), _period_s), sys.stdin.buffer)
+    _package, _plain, _period_s = json.loads(sys.argv[1])
+    _adapter: Adapter = importlib.import_module(_package).ADAPTER
+    _options = cattrs.structure(_plain, _adapter.options)
+    _obey(_adapter.announcer(_options, _period_s), sys.stdin.buffer)

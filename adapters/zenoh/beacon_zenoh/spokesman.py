@@ -41,10 +41,10 @@ class Voice:
     due_ns: int = 0
 
 
-V = TypeVar("V", bound=Voice)
+_V = TypeVar("_V", bound=Voice)
 
 
-class Spokesman(Generic[V]):
+class Spokesman(Generic[_V]):
     """An :class:`beacon_core.ports.announcer.Announcer` but for how a dialect says what is due.
 
     No method waits for the network: what is to be said is handed to a thread, and said in order.
@@ -64,7 +64,7 @@ class Spokesman(Generic[V]):
         period_s: float | None,
         *,
         encode: Callable[[BeaconHint], bytes],
-        voice: Callable[[], V],
+        voice: Callable[[], _V],
     ) -> None:
         """Connects once ``_keeper`` is started, which is the dialect's to do.
 
@@ -80,7 +80,7 @@ class Spokesman(Generic[V]):
         self._too_many = _MAX_WAITING
         self._closed = False
         # The rest belongs to the keeper's thread.
-        self._voices: dict[str, V] = {}
+        self._voices: dict[str, _V] = {}
         self._beats: list[tuple[int, str]] = []
         self._keeper = SessionKeeper(
             config, declare=self._declare, step=self._step, farewell=self._leave
@@ -131,7 +131,7 @@ class Spokesman(Generic[V]):
     def _answer(self) -> None:
         """Answer who has asked meanwhile."""
 
-    def _depart(self, voice: V) -> None:
+    def _depart(self, voice: _V) -> None:
         """Take down what stands for a voice that has said its goodbye."""
 
     def _put_in_line(self, entity_id: str, payload: bytes | None) -> None:
@@ -163,7 +163,7 @@ class Spokesman(Generic[V]):
 
     def _say_words(self, session: zenoh.Session | None) -> None:
         words: list[Word] = []
-        departed: list[V] = []
+        departed: list[_V] = []
         # First remembered, then said: should the session end meanwhile, the next one says it.
         for entity_id, payload in self._take_words():
             voice = self._voices.pop(entity_id, None)
@@ -195,7 +195,7 @@ class Spokesman(Generic[V]):
             self._say(session, due)
         return (self._beats[0][0] - now_ns) / 1e9 if self._beats else None
 
-    def _schedule(self, entity_id: str, voice: V) -> None:
+    def _schedule(self, entity_id: str, voice: _V) -> None:
         if self._period_ns is None:
             return
         wait_ns = self._period_ns * (1 - _JITTER * random.random())  # noqa: S311

@@ -17,6 +17,7 @@ import struct
 __all__ = ["GID_BYTES", "Envelope", "decode", "encode"]
 
 GID_BYTES = 16
+"""``RMW_GID_STORAGE_SIZE`` of ROS."""
 
 Envelope = tuple[bytes, int, int]
 """GID, sequence, stamp in nanoseconds: a bare tuple, because one is made per message."""

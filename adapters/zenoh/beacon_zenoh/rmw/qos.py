@@ -46,6 +46,7 @@ class Qos:
 
 
 DEFAULT_QOS = Qos()
+"""rmw_zenoh's."""
 
 _TRANSIENT_LOCAL = 1
 

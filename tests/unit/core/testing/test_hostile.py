@@ -8,6 +8,7 @@ from beacon_core.hint import Announcement
 from beacon_core.limits import MAX_PAYLOAD_BYTES
 from beacon_core.ports.adapter import Malformed
 from beacon_core.testing.hostile import (
+    HOSTILE_CDR,
     HOSTILE_IDS,
     HOSTILE_JSON,
     HOSTILE_PAYLOADS,
@@ -34,6 +35,12 @@ def test_hostile_json_is_about_one_entity_or_refused(kind: str) -> None:
 def test_some_hostile_json_must_be_repaired() -> None:
     found = [json.decode(payload) for payload in HOSTILE_JSON.values()]
     assert sum(isinstance(one, Announcement) and bool(one.repairs) for one in found) >= 10
+
+
+@pytest.mark.parametrize("kind", HOSTILE_CDR)
+def test_a_hostile_ros_message_is_about_one_entity_or_refused(kind: str) -> None:
+    found = cdr.decode(HOSTILE_CDR[kind])
+    assert isinstance(found, Malformed) or found.hint.entity_id in ("hostile", "") or "for" in kind
 
 
 @pytest.mark.parametrize("kind", HOSTILE_IDS)
