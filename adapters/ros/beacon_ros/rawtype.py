@@ -17,6 +17,8 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
+from rclpy.type_support import check_for_type_support
+
 from beacon_core.errors import ConfigError
 from beacon_ros.environment import why_no_raw_types
 
@@ -26,14 +28,16 @@ __all__ = ["message_type", "raw_type"]
 def message_type(full_name: str, type_hash: str) -> type[Any]:
     """The class of ``package/msg/Name``: the installed one, or one for raw bytes made now.
 
-    Raises ``ConfigError`` if it is not installed and cannot be made. Thread rule: any thread.
+    Raises ``ConfigError`` if it cannot be imported and cannot be made. Thread rule: any thread.
     """
     package, folder, name = full_name.split("/")
     try:
         found: type[Any] = getattr(importlib.import_module(f"{package}.{folder}"), name)
-    except ModuleNotFoundError:
+        # Loads what is generated in C; without it rclpy's classes are empty.
+        check_for_type_support(found)
+    except Exception as error:  # not installed, too old to have the message, or broken
         if why := why_no_raw_types():
-            raise ConfigError(f"{full_name} is not installed: {why}") from None
+            raise ConfigError(f"{full_name} cannot be imported ({error}), and {why}") from error
         return raw_type(full_name, type_hash)
     return found
 
