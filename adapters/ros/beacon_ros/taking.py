@@ -12,7 +12,13 @@ import ctypes as c
 from collections.abc import Callable
 from typing import Any
 
-__all__ = ["Taken", "taker"]
+from beacon_ros.errors import said_by_ros
+
+__all__ = ["KEPT_BYTES", "Taken", "taker"]
+
+KEPT_BYTES = 64 * 1024
+"""What the buffer may keep of its size: it grows to the largest message that anybody sent, and an
+honest hint takes 500 bytes."""
 
 Taken = tuple[bytes, bytes, int, int]
 """Payload, the publisher's GID (16 bytes), its number for the message, when it was published by the
@@ -22,22 +28,33 @@ publisher's wall clock (nanoseconds)."""
 def taker(subscription: Any) -> Callable[[], Taken | None]:
     """A function that takes the next message, or gives ``None`` if there is none.
 
-    ``subscription``: rclpy's handle, which must outlive the function. Thread rule: one thread.
+    It raises ``RuntimeError`` with ROS's words for what is a fault. ``subscription``: rclpy's
+    handle, which must outlive the function. Thread rule: one thread.
     """
     take = c.CDLL("librcl.so").rcl_take_serialized_message
     take.argtypes = [c.c_void_p] * 4
     take.restype = c.c_int
-    buffer, info = _new_buffer(), _Info()
+    buffer, info = _Buffer(), _Info()
     handle, to, about = subscription.pointer, c.addressof(buffer), c.addressof(info)
     gid_at, copy = about + _Info.gid.offset, c.string_at
 
     def take_next() -> Taken | None:
-        if take(handle, to, about, None):
+        if code := take(handle, to, about, None):
+            if code != _NOTHING_THERE:
+                raise RuntimeError(f"taking a message failed: {said_by_ros()}")
             return None
         payload = copy(buffer.data, buffer.length)
+        if buffer.capacity > KEPT_BYTES:
+            buffer.shrink()
         return payload, copy(gid_at, 16), info.sequence, info.source_stamp
 
     return take_next
+
+
+_NOTHING_THERE = 401
+"""``RCL_RET_SUBSCRIPTION_TAKE_FAILED``, rcl/types.h."""
+
+_CAPACITY = 4096
 
 
 class _Allocator(c.Structure):
@@ -59,8 +76,19 @@ class _Buffer(c.Structure):
         ("allocator", _Allocator),
     )
 
+    def __init__(self) -> None:
+        utils = c.CDLL("librcutils.so")
+        default = utils.rcutils_get_default_allocator
+        default.restype = _Allocator
+        allocator = default()
+        utils.rcutils_uint8_array_init(c.byref(self), c.c_size_t(_CAPACITY), c.byref(allocator))
+        self._resize, self._fini = utils.rcutils_uint8_array_resize, utils.rcutils_uint8_array_fini
+
+    def shrink(self) -> None:
+        self._resize(c.byref(self), c.c_size_t(_CAPACITY))
+
     def __del__(self) -> None:
-        c.CDLL("librcutils.so").rcutils_uint8_array_fini(c.byref(self))
+        self._fini(c.byref(self))
 
 
 class _Info(c.Structure):
@@ -74,14 +102,5 @@ class _Info(c.Structure):
         ("implementation", c.c_char_p),
         ("gid", c.c_uint8 * 16),
         ("from_intra_process", c.c_bool),
+        ("spare", c.c_uint8 * 64),  # whatever other distributions may write behind it
     )
-
-
-def _new_buffer(capacity: int = 4096) -> _Buffer:
-    utils = c.CDLL("librcutils.so")
-    default = utils.rcutils_get_default_allocator
-    default.restype = _Allocator
-    allocator, buffer = default(), _Buffer()
-    if utils.rcutils_uint8_array_init(c.byref(buffer), c.c_size_t(capacity), c.byref(allocator)):
-        raise MemoryError(f"rcutils has no {capacity} bytes")
-    return buffer
