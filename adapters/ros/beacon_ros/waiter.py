@@ -15,11 +15,17 @@ from collections.abc import Callable
 from typing import Any
 
 from rclpy.context import Context
+from rclpy.exceptions import InvalidHandle
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 
-__all__ = ["Event", "Waiter"]
+from beacon_ros.shutdown import at_shutdown
+
+__all__ = ["CONTEXT_ENDED", "NODE_ENDED", "Event", "Waiter"]
 
 _log = logging.getLogger(__name__)
+
+CONTEXT_ENDED = "the ROS context was shut down"
+NODE_ENDED = "its ROS node was destroyed"
 
 _EXIT_WITHIN_S = 1.0
 
@@ -31,8 +37,8 @@ class Waiter:
     """Thread rule: ``start`` once; ``wake`` and ``close`` from any thread.
 
     ``step`` is called first, after each ``wake`` and after as many seconds as it returned
-    (``None``: no need). ``on_end`` is the last call, with why it ended by itself, ``""`` if it was closed.
-    The context must live until then.
+    (``None``: no need). ``on_end`` is the last call, with why it ended by itself, ``""`` if it was
+    closed. The context must live until then.
     """
 
     def __init__(
@@ -53,7 +59,7 @@ class Waiter:
         self._drain = drain
         self._guard = _rclpy.GuardCondition(context.handle)
         self._thread = threading.Thread(target=self._run, name="beacon-ros", daemon=True)
-        self._closing = False
+        self._closing = self._context_ended = False
 
     @property
     def closing(self) -> bool:
@@ -79,27 +85,39 @@ class Waiter:
         self._thread.join(within_s)
         return not self._thread.is_alive()
 
+    def end_with_context(self) -> None:
+        """The context has been shut down: it is told here if nothing else tells it."""
+        self._context_ended = True
+        self._guard.trigger_guard_condition()
+
     def _run(self) -> None:
-        error = ""
+        stop_telling = at_shutdown(self._context, self.end_with_context)
+        error = CONTEXT_ENDED
         try:
             self._wait()
-        except Exception as failure:  # noqa: BLE001 - whatever rclpy raises when a context ends
-            error = f"reading ended: {failure}"
-            if not self._context.ok():
-                error = "the ROS context was shut down"
-            elif not self._closing:
-                _log.exception("a thread of the ROS adapter ended")
+        except Exception as failure:  # noqa: BLE001 - whatever rclpy raises when its things end
+            error = self._explained(failure)
+        stop_telling()
         for handle, _ in self._events:
             handle.destroy_when_not_in_use()
         if self._subscription is not None:
             self._subscription.destroy_when_not_in_use()
         self._on_end("" if self._closing else error)
 
+    def _explained(self, failure: Exception) -> str:
+        if self._context_ended or not self._context.ok():
+            return CONTEXT_ENDED
+        if isinstance(failure, InvalidHandle):
+            return NODE_ENDED
+        if not self._closing:
+            _log.exception("a thread of the ROS adapter ended")
+        return f"reading ended: {failure}"
+
     def _wait(self) -> None:
         subscriptions = 0 if self._subscription is None else 1
         waits = _rclpy.WaitSet(subscriptions, 1, 0, 0, 0, len(self._events), self._context.handle)
         more = False
-        while not self._closing:
+        while not (self._closing or self._context_ended):
             wait_s = self._step()
             waits.clear_entities()
             if self._subscription is not None:
