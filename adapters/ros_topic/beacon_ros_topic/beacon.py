@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import os
 import threading
 from collections.abc import Callable
 from typing import Any, cast
@@ -22,6 +23,7 @@ from beacon_core.wire.medkit import TYPE_HASH, TYPE_NAME, farewell
 from beacon_ros.farewell import say_last
 from beacon_ros.process import identified
 from beacon_ros.rawtype import message_type
+from beacon_ros.shutdown import at_shutdown
 from beacon_ros_topic.options import DEFAULT_TOPIC
 
 __all__ = ["BEACON_QOS", "TopicBeacon"]
@@ -70,7 +72,9 @@ class TopicBeacon:
         self._node = node
         self._hint = identified(_checked(hint))
         self._payload = cdr.encode(self._hint)
-        self._lock = threading.Lock()
+        self._pid = os.getpid()
+        # A program's own signal handler may shut ROS down in the middle of a beat.
+        self._lock = threading.RLock()
         self._closed = False
         message = message_type(TYPE_NAME, TYPE_HASH)
         self._publisher = cast(
@@ -80,7 +84,7 @@ class TopicBeacon:
         self._publisher.before_destroy = self._last_word
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(period_s, self._say, clock=steady)
-        node.context.on_shutdown(self._last_word)
+        self._stop_telling = at_shutdown(node.context, self._last_word)
         _open.add(self)
         self._say()
 
@@ -92,36 +96,51 @@ class TopicBeacon:
     def update(self, **fields: Any) -> None:
         """Change fields of the hint (not ``entity_id``) and send it at once.
 
-        Raises ``UsageError`` for a field that does not exist, and after ``close``.
+        Raises ``UsageError`` for a field that does not exist, after ``close``, and in a forked
+        child.
         """
         unknown = fields.keys() - (attrs.fields_dict(BeaconHint).keys() - {"entity_id"})
         if unknown:
             raise UsageError(f"update: {', '.join(sorted(unknown))} cannot be changed in a hint")
+        if self._pid != os.getpid():
+            raise UsageError("update: made before a fork; make a beacon in the child")
         with self._lock:
             if self._closed:
                 raise UsageError("update: this beacon is closed; make a new one")
-            self._hint = attrs.evolve(self._hint, **fields)
-            self._payload = cdr.encode(self._hint)
+            hint = attrs.evolve(self._hint, **fields)
+            self._payload = cdr.encode(hint)
+            self._hint = hint
         self._say()
 
     def close(self) -> None:
-        """Say goodbye and stop. Idempotent, within 1 s."""
+        """Say goodbye and stop. Idempotent, within 1 s; in a forked child it does nothing."""
+        if self._pid != os.getpid():
+            return
         self._last_word()
         self._node.destroy_timer(self._timer)
         self._node.destroy_publisher(self._publisher)
 
     def _say(self) -> None:
-        with self._lock:
-            if not self._closed and self._node.context.ok():
-                self._publisher.publish(self._payload)
+        try:
+            with self._lock:
+                if not self._closed:
+                    self._publisher.publish(self._payload)
+        except Exception:  # RCLError, which is not a public name
+            # Not asked before, and not under the lock: who shuts the context down holds the
+            # context's lock while it waits for ours.
+            if self._node.context.ok() and not self._closed:
+                raise
 
     def _last_word(self) -> None:
         """Say goodbye unless that has been done; may be the last moment for it."""
+        if self._pid != os.getpid():
+            return
         with self._lock:
             if self._closed:
                 return
             self._closed = True
         _open.discard(self)
+        self._stop_telling()
         say_last(self._publisher, [farewell(self._hint.entity_id)], _FAREWELL_WITHIN_S)
 
 
