@@ -7,10 +7,12 @@ import os
 import random
 import threading
 import time
+from typing import Any
 
 import attrs
 from rclpy.event_handler import QoSPublisherEventType
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.publisher import Publisher
 
 from beacon_core.errors import ConfigError, UsageError
 from beacon_core.hint import BeaconHint
@@ -21,7 +23,7 @@ from beacon_core.wire.medkit import TYPE_HASH, TYPE_NAME, farewell
 from beacon_ros.farewell import say_last
 from beacon_ros.participant import OwnNode
 from beacon_ros.rawtype import message_type
-from beacon_ros.waiter import Waiter
+from beacon_ros.waiter import CONTEXT_ENDED, Waiter
 from beacon_ros_topic.options import RosTopicOptions
 from beacon_ros_topic.qos import profile
 
@@ -39,8 +41,8 @@ _ANEW_AGAIN_NS = 300_000_000
 """What was said before this is said again then: both ends of a new connection do not open at the
 same moment, and what is said in between may be lost."""
 
-_FAREWELL_WITHIN_S = 0.4
-_CLOSE_WITHIN_S = 0.4
+_FAREWELL_WITHIN_S = 0.5
+_CLOSE_WITHIN_S = 0.9
 
 
 _Beat = tuple[int, str, bool]
@@ -79,7 +81,7 @@ class RosTopicAnnouncer:
         self._ended = ""
         message = message_type(TYPE_NAME, TYPE_HASH)
         self._own = OwnNode("topic_announcer", options.domain_id)
-        self._publisher = self._own.node.create_publisher(message, options.topic, profile(options))
+        self._publisher = self._make_publisher(message, options)
         matched = _rclpy.EventHandle(
             self._publisher.handle, QoSPublisherEventType.RCL_PUBLISHER_MATCHED
         )
@@ -108,18 +110,17 @@ class RosTopicAnnouncer:
             self._waiter.wake()
 
     def withdraw(self, entity_id: str) -> None:
+        if self._pid != os.getpid():
+            return
         with self._lock:
             if not self._closed and self._voices.pop(entity_id, None) is not None:
                 self._publish(farewell(entity_id))
 
     def close(self) -> None:
+        if self._pid != os.getpid():
+            return  # before the lock: the fork may have left it held for ever
         with self._lock:
-            if self._closed or self._pid != os.getpid():
-                return
             self._closed = True
-            departing = list(self._voices)
-            self._voices.clear()
-        say_last(self._publisher, map(farewell, departing), _FAREWELL_WITHIN_S)
         self._waiter.close(_CLOSE_WITHIN_S)
 
     def health(self) -> Health:
@@ -136,10 +137,23 @@ class RosTopicAnnouncer:
         )
         return Health(Condition.DOWN if self._ever else Condition.STARTING, nobody, counters)
 
+    def _make_publisher(self, message: type[Any], options: RosTopicOptions) -> Publisher:
+        try:
+            return self._own.node.create_publisher(message, options.topic, profile(options))
+        except Exception as error:  # RCLError, which is not a public name
+            self._own.close()
+            raise ConfigError(f"topic: ROS refuses {options.topic!r}: {error}") from error
+
     def _publish(self, payload: bytes) -> None:
         """Under the lock, so that what is said of an entity is said in the order of the calls."""
-        if not self._ended:
+        if self._ended:
+            return
+        try:
             self._publisher.publish(payload)
+        except Exception:  # RCLError, which is not a public name
+            if self._own.context.ok():
+                raise
+            self._waiter.end_with_context()
 
     def _schedule_next(self, entity_id: str, voice: _Voice) -> bool:
         """The next turn; says whether the thread must wake earlier than it thinks."""
@@ -199,5 +213,9 @@ class RosTopicAnnouncer:
             return max(0, self._beats[0][0] - now_ns) / 1e9 if self._beats else None
 
     def _on_end(self, error: str) -> None:
-        self._ended = error
+        with self._lock:
+            self._ended = error or "the program ends"
+            departing = list(self._voices) if error in ("", CONTEXT_ENDED) else []
+            self._voices.clear()
+        say_last(self._publisher, map(farewell, departing), _FAREWELL_WITHIN_S)
         self._own.close()
