@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import logging
+import os
 import threading
 import time
 
 from rclpy.node import Node
 
-from beacon_core.errors import UsageError
+from beacon_core.errors import ConfigError, UsageError
 from beacon_core.ports.health import Condition, Health
 from beacon_core.ports.sink import HintSink
 from beacon_core.wire.medkit import GOODBYE, NO_STAMP, TYPE_HASH, TYPE_NAME, said_goodbye
@@ -16,6 +17,8 @@ from beacon_ros.graph import Endpoint, publishers
 from beacon_ros.participant import OwnNode
 from beacon_ros.rawtype import message_type
 from beacon_ros.reader import Reader
+from beacon_ros.waiter import CONTEXT_ENDED, NODE_ENDED
+from beacon_ros_topic.looks import Looks
 from beacon_ros_topic.options import RosTopicOptions
 from beacon_ros_topic.qos import misfit, profile
 from beacon_ros_topic.roster import Publisher, Roster
@@ -25,10 +28,6 @@ __all__ = ["RosTopicSource"]
 _log = logging.getLogger(__name__)
 
 _CLOSE_WITHIN_S = 0.9
-
-_LOOK_AFTER_S = (0.0, 0.1, 0.5, 2.0)
-"""When the graph is looked at after a publisher came or went: it may lag behind the event, and a
-publisher's node has no name in it for the first 100 ms."""
 
 _NO_NUMBER = 2**64 - 1
 """What a middleware says that does not number messages."""
@@ -60,10 +59,11 @@ class RosTopicSource:
         self._closed = False
         self._ended = ""
         self._starting = threading.Lock()
+        self._pid = os.getpid()
         # The rest belongs to the reader's thread; health reads what is replaced as a whole.
         self._roster = Roster()
         self._known = self._roster.publishers.get
-        self._looks: list[float] = []
+        self._looks = Looks(time.monotonic())
         self._complaints: tuple[str, ...] = ()
         self._counters = dict.fromkeys(
             ("goodbyes", "lost", "incompatible", "matched", "sink-errors"), 0
@@ -79,13 +79,12 @@ class RosTopicSource:
                 self._own = OwnNode("topic_source", self._options.domain_id)
                 node = self._own.node
             self._node = node
-            self._reader = Reader(
-                node, self._type, self._options.topic, profile(self._options), self
-            )
-            self._look_soon()
+            self._reader = self._make_reader(node)
             self._reader.start()
 
     def close(self) -> None:
+        if self._pid != os.getpid():
+            return  # in a forked child: it has none of the threads, and perhaps a lock that is held
         with self._starting:
             self._closed = True
         if self._reader is not None:
@@ -111,6 +110,15 @@ class RosTopicSource:
         others = len(complaints) - _SHOWN
         more = f"; and {others} more" if others > 0 else ""
         return Health(Condition.DEGRADED, "; ".join(complaints[:_SHOWN]) + more, counters)
+
+    def _make_reader(self, node: Node) -> Reader:
+        options = self._options
+        try:
+            return Reader(node, self._type, options.topic, profile(options), self)
+        except Exception as error:  # RCLError, which is not a public name
+            if self._own is not None:
+                self._own.close()
+            raise ConfigError(f"topic: ROS refuses {options.topic!r}: {error}") from error
 
     # -- in the reader's thread ------------------------------------------------------------------
 
@@ -138,43 +146,43 @@ class RosTopicSource:
         if outcome is not publisher.outcome:
             publisher.outcome = outcome
             if outcome.accepted:
-                self._roster.spoke(publisher, outcome.entity_id)
+                self._roster.spoke(gid, outcome.entity_id)
 
     def on_matched(self, publishers: int) -> None:
         """A publisher came or went."""
         self._counters["matched"] = publishers
-        self._look_soon()
+        self._looks.soon(time.monotonic())
 
     def on_incompatible(self, total: int) -> None:
         """One came that cannot be heard."""
         self._counters["incompatible"] = total
-        self._look_soon()
+        self._looks.soon(time.monotonic())
 
-    def step(self) -> float | None:
+    def step(self) -> float:
         """Look at the graph when that is due."""
-        if not self._looks:
-            return None
+        began_s = time.monotonic()
+        if self._looks.wait_s(began_s) > 0:
+            return self._looks.wait_s(began_s)
+        self._look(began_s)
         now_s = time.monotonic()
-        if self._looks[0] <= now_s:
-            del self._looks[0]
-            self._look()
-        return max(0.0, self._looks[0] - now_s) if self._looks else None
+        self._looks.looked(began_s, now_s)
+        return self._looks.wait_s(now_s)
 
     def on_end(self, error: str) -> None:
         """The reader has ended."""
         self._ended = error
         if error:
-            _log.error("%s: %s", self._options.topic, error)
+            # Programs end so: that is nothing to alarm anybody with.
+            ordinary = error in (CONTEXT_ENDED, NODE_ENDED)
+            _log.log(
+                logging.INFO if ordinary else logging.ERROR, "%s: %s", self._options.topic, error
+            )
         if self._own is not None:
             self._own.close()
 
-    def _look_soon(self) -> None:
-        now_s = time.monotonic()
-        self._looks = [now_s + after_s for after_s in _LOOK_AFTER_S]
-
-    def _look(self) -> None:
+    def _look(self, now_s: float) -> None:
         listed = publishers(self._node, self._options.topic)
-        for publisher in self._roster.gone(one.gid for one in listed):
+        for publisher in self._roster.gone((one.gid for one in listed), now_s):
             for entity_id in publisher.entities:
                 self._lose(publisher, entity_id)
         self._complain(listed)
@@ -201,6 +209,8 @@ class RosTopicSource:
         self._sink.goodbye(entity_id, name, incarnation=name, sequence=sequence)
 
     def _lose(self, publisher: Publisher, entity_id: str) -> None:
+        if self._closed:
+            return
         self._counters["lost"] += 1
         name, why = publisher.name, "its publisher left the ROS graph without a goodbye"
         try:
