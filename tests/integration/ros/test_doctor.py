@@ -44,20 +44,30 @@ OTHER_HASH = "RIHS01_" + "ab" * 32
 
 @attrs.define
 class Robots:
-    """Nodes of this process, each in a context of its own as a process of its own would have."""
+    """Nodes of this process, each in a context of its own unless told otherwise."""
 
     domain: int
     stack: ExitStack
 
+    def context(self, domain: int | None = None) -> Context:
+        """Stands for a process."""
+        context = Context()
+        domain_id = self.domain if domain is None else domain
+        context.init(args=[], domain_id=domain_id, initialize_logging=False)
+        self.stack.callback(context.try_shutdown)
+        return context
+
     def node(
-        self, name: str, *, domain: int | None = None, hung: bool = False, **more: Any
+        self,
+        name: str,
+        *,
+        context: Context | None = None,
+        domain: int | None = None,
+        hung: bool = False,
+        **more: Any,
     ) -> Node:
         """A node; hung: its services are there, and nobody serves them."""
-        context = Context()
-        context.init(
-            args=[], domain_id=self.domain if domain is None else domain, initialize_logging=False
-        )
-        self.stack.callback(context.try_shutdown)
+        context = context or self.context(domain)
         node = Node(name, context=context, use_global_arguments=False, enable_rosout=False, **more)
         self.stack.callback(node.destroy_node)
         if not hung:
@@ -284,8 +294,9 @@ def test_a_node_whose_entity_id_cannot_be_used(
 
 
 def test_many_nodes_with_a_fault_are_summed_up(robots: Robots) -> None:
+    together = robots.context()
     for number in range(7):
-        robots.declaring(f"n{number}", {ENTITY_ID: number})
+        robots.declaring(f"n{number}", {ENTITY_ID: number}, context=together)
     found = problems(look(PARAM))
     assert len(found) == 6
     assert found[-1].what == "so it is with 2 more nodes"
