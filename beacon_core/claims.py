@@ -13,7 +13,13 @@ silent, a rival speaks again. Hence:
 * a conflict ends when one of the two has been silent for ``ttl``, has left or was lost. If that is
   the holder, the rival holds the id from then on;
 * whoever said goodbye is remembered for one ``ttl``, so that what it said before, arriving late,
-  does not take the id from whoever holds it now.
+  does not take the id from whoever holds it now;
+* a holder that has gone itself (silent, lost, left) does not bring its predecessor back. Within a
+  ``ttl`` of its last sign of life a predecessor must then prove, by a higher number, that it spoke
+  after it was superseded: a word without proof is more likely a late one. If it lives, that costs
+  it less than a ``ttl``;
+* a number of an incarnation that was heard under this id is never news again, however late it comes
+  and whoever holds the id: of the latest former incarnations the last number stays known.
 """
 
 from __future__ import annotations
@@ -24,10 +30,11 @@ from typing import Protocol
 import attrs
 
 from beacon_core.hint import BeaconHint
-from beacon_core.limits import hint_bytes
+from beacon_core.limits import MAX_FORMER_RUNS, hint_bytes
 
 __all__ = [
     "Claimant",
+    "Runs",
     "Speaker",
     "claimed_bytes",
     "count_after",
@@ -36,14 +43,19 @@ __all__ = [
     "freshest_contender",
     "is_new_life",
     "last_seen",
+    "noted",
     "other_host",
     "remembered",
     "repeats",
     "same_claimant",
+    "seen_to_go",
     "succession",
-    "tombstone",
+    "told_before",
     "visible",
 ]
+
+Runs = tuple[tuple[str, int], ...]
+"""Incarnations, each with the last number heard of it."""
 
 
 class Speaker(Protocol):
@@ -68,9 +80,10 @@ class Claimant:
     text_bytes: int = 0
     """Bytes of text in its hint, if they have been counted; see ``validator.clean_bytes``."""
     contending: bool = False
-    """Heard while another held the id; otherwise a predecessor that has been silent since."""
+    """Heard while another held the id, which is ACTIVE; otherwise a predecessor that has been
+    silent since, kept for a ``ttl`` after its last sign of life."""
     departed: bool = False
-    """It said goodbye, and another holds the id: kept for a ``ttl`` as a tombstone."""
+    """It said goodbye, and another holds the id: a predecessor that is a tombstone."""
 
 
 def same_claimant(one: Speaker, other: Speaker) -> bool:
@@ -168,12 +181,29 @@ def remembered(one: Speaker) -> Claimant:
     return Claimant(who, one.source, one.incarnation, one.sequence, one.last_seen_ns)
 
 
-def tombstone(one: Speaker, goodbye: Speaker) -> Claimant:
-    """Who said this goodbye, and when."""
+def seen_to_go(one: Speaker, departure: Speaker, *, goodbye: bool) -> Claimant:
+    """A predecessor that said goodbye or was lost, and when: what it said before is too late."""
     gone = remembered(one)
-    gone.incarnation, gone.sequence = count_after(one, goodbye)
-    gone.last_seen_ns, gone.departed = goodbye.last_seen_ns, True
+    gone.incarnation, gone.sequence = count_after(one, departure)
+    gone.last_seen_ns, gone.departed = departure.last_seen_ns, goodbye
     return gone
+
+
+def noted(runs: Runs, gone: Iterable[tuple[str, int]]) -> Runs:
+    """``runs`` with those that have gone; the ones that went first give way."""
+    known = dict(runs)
+    for incarnation, number in gone:
+        if incarnation and number:
+            known[incarnation] = max(number, known.pop(incarnation, 0))
+    return tuple(known.items())[-MAX_FORMER_RUNS:]
+
+
+def told_before(message: Speaker, runs: Runs) -> bool:
+    """Is it a numbered message of one of these, and not newer than what was heard of it?"""
+    return any(
+        message.incarnation == incarnation and 0 < message.sequence <= number
+        for incarnation, number in runs
+    )
 
 
 def last_seen(one: Speaker) -> int:

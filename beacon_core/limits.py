@@ -13,6 +13,7 @@ __all__ = [
     "DEFAULT_LIMITS",
     "HINT_OVERHEAD_BYTES",
     "MAX_CLAIMS",
+    "MAX_FORMER_RUNS",
     "MAX_HINTS",
     "MAX_HISTORY",
     "MAX_LOG_CHARS",
@@ -69,6 +70,11 @@ HINT_OVERHEAD_BYTES = 700
 
 MAX_CLAIMS = 4
 """Rival claims kept per entity. Two make a conflict; more tell no one anything new."""
+
+MAX_FORMER_RUNS = 4
+"""Incarnations per entity that speak no more, and the last number heard of each: what they said,
+arriving late or again, is known for what it is. Nobody restarts five times while a message is under
+way. Whoever invents incarnations makes the store forget those of that one id."""
 
 MAX_HISTORY = 16
 """Transitions kept per entity: they show that a robot flaps, also when it flaps for a year."""

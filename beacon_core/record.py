@@ -6,7 +6,7 @@ from operator import attrgetter
 
 import attrs
 
-from beacon_core.claims import Claimant, Speaker
+from beacon_core.claims import Claimant, Runs, Speaker
 from beacon_core.deadlines import NEVER
 from beacon_core.hint import BeaconHint
 from beacon_core.lifecycle import Cause, Status, Transition
@@ -35,6 +35,7 @@ class Record:
         "restarts",
         "revision",
         "rivals",
+        "runs",
         "sequence",
         "size",
         "slot",
@@ -55,6 +56,8 @@ class Record:
         self.detail = ""
         self.history: tuple[Transition, ...] = ()
         self.rivals: tuple[Claimant, ...] = ()
+        self.runs: Runs = ()
+        """Former incarnations: of those that still speak, or are among the rivals, nothing."""
         self.restarts = 0
         self.size = hint_bytes(first.hint, first.text_bytes)
         self.revision = 0

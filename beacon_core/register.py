@@ -12,10 +12,12 @@ from itertools import takewhile
 
 from beacon_core.claims import (
     Claimant,
+    Runs,
     claimed_bytes,
     count_after,
     freshest_contender,
     last_seen,
+    noted,
     same_claimant,
     succession,
     visible,
@@ -125,9 +127,11 @@ class Register:
             self.restarts += 1
         detail = succession(record, heir)
         hint = self.pool.share(heir.hint)
-        self.set_rivals(record, rivals)
+        before = _runs(record)
         record.source, record.incarnation = heir.source, heir.incarnation
         record.sequence = heir.sequence
+        self.set_rivals(record, rivals)
+        self._note_who_has_gone(record, before)
         record.last_seen_ns = record.first_seen_ns = heir.last_seen_ns
         self.set_hint(record, hint, hint_bytes(hint) + claimed_bytes(rivals))
         self.go(record, cause, at_ns, detail)
@@ -146,10 +150,14 @@ class Register:
 
     def count(self, record: Record, message: Claimant) -> None:
         """Note the number of a message of the holder's."""
-        incarnation, record.sequence = count_after(record, message)
-        if incarnation != record.incarnation:
-            record.incarnation = incarnation
-            self._changed(record)
+        incarnation, sequence = count_after(record, message)
+        if incarnation == record.incarnation:
+            record.sequence = sequence
+            return
+        before = _runs(record)
+        record.incarnation, record.sequence = incarnation, sequence
+        self._note_who_has_gone(record, before)
+        self._changed(record)
 
     def set_rivals(self, record: Record, rivals: tuple[Claimant, ...]) -> None:
         """Say who else speaks, or has spoken, under a record's id."""
@@ -157,9 +165,11 @@ class Register:
             return
         before, after = visible(record.rivals), visible(rivals)
         growth = claimed_bytes(rivals) - claimed_bytes(record.rivals)
+        runs = _runs(record)
         self.room.resize(record, record.size + growth)
         record.rivals = rivals
         record.view = None
+        self._note_who_has_gone(record, runs)
         if after != before:
             self.conflicts += bool(after) - bool(before)
             self._changed(record)
@@ -194,29 +204,36 @@ class Register:
         self.room.offer(record, self.records)
 
     def _fall_due(self, record: Record, at_ns: int) -> None:
-        if record.status is not Status.ACTIVE:
+        if record.rivals:
+            living = (one for one in record.rivals if one.last_seen_ns + self.ttl_ns > at_ns)
+            self.set_rivals(record, tuple(living))
+        if self._deadline_ns(record) > at_ns:
+            self.file(record)
+        elif record.status is not Status.ACTIVE:
             self.remove(record, Cause.LAPSED)
-            return
-        living = tuple(one for one in record.rivals if one.last_seen_ns + self.ttl_ns > at_ns)
-        self.set_rivals(record, living)
-        if record.last_seen_ns + self.ttl_ns <= at_ns:
-            heir = freshest_contender(living)
-            if heir is not None:
-                self.inherit(record, heir, at_ns)
-                return
-            self.set_rivals(record, ())
+        elif (heir := freshest_contender(record.rivals)) is not None:
+            self.inherit(record, heir, at_ns)
+        else:
             self.go(record, Cause.SILENT, at_ns)
-        self.file(record)
+            self.file(record)
 
     def _deadline_ns(self, record: Record) -> int:
+        """When its status ends, or one of its rivals has been silent for ``ttl``."""
         if record.status is Status.STALE:
-            return record.last_seen_ns + self.expiry_ns
-        if record.status is Status.LEFT:
-            return record.history[-1].at_ns + self.ttl_ns
-        seen_ns = record.last_seen_ns
+            end_ns = record.last_seen_ns + self.expiry_ns
+        elif record.status is Status.LEFT:
+            end_ns = record.history[-1].at_ns + self.ttl_ns
+        else:
+            end_ns = record.last_seen_ns + self.ttl_ns
         if record.rivals:
-            seen_ns = min(seen_ns, *map(last_seen, record.rivals))
-        return seen_ns + self.ttl_ns
+            end_ns = min(end_ns, min(map(last_seen, record.rivals)) + self.ttl_ns)
+        return end_ns
+
+    def _note_who_has_gone(self, record: Record, before: Runs) -> None:
+        """``before``: who spoke under the id until now, of whom some may still be there."""
+        present = {incarnation for incarnation, _ in _runs(record)}
+        runs = noted(record.runs, [run for run in before if run[0] not in present])
+        record.runs = tuple(run for run in runs if run[0] not in present)
 
     def _changed(self, record: Record) -> None:
         self.revision += 1
@@ -227,3 +244,11 @@ class Register:
 
     def _displace(self, record: Record) -> None:
         self.remove(record, Cause.DISPLACED)
+
+
+def _runs(record: Record) -> Runs:
+    """Who speaks, or has lately spoken, under its id; the holder first."""
+    return (
+        (record.incarnation, record.sequence),
+        *((one.incarnation, one.sequence) for one in record.rivals),
+    )

@@ -32,7 +32,8 @@ from beacon_core.claims import (
     remembered,
     repeats,
     same_claimant,
-    tombstone,
+    seen_to_go,
+    told_before,
 )
 from beacon_core.clock import Clock
 from beacon_core.hint import BeaconHint
@@ -48,6 +49,7 @@ __all__ = ["HintStore"]
 
 _ACTIVE, _STALE, _LEFT = Status.ACTIVE, Status.STALE, Status.LEFT
 _HELD = frozenset({Verdict.NEW, Verdict.CHANGED, Verdict.REFRESHED})
+_GONE = frozenset({Cause.GOODBYE, Cause.LOST})
 
 
 class HintStore:
@@ -130,12 +132,14 @@ class HintStore:
             message.last_seen_ns = max(message.last_seen_ns, record.last_seen_ns)
         if record is None:
             verdict, record = self._begin(message, now_ns)
+        elif record.runs and told_before(message, record.runs):
+            verdict = Verdict.OLDER
+        elif not same_claimant(message, record):
+            verdict = self._heard_other(record, message, now_ns)
         elif record.status is _LEFT:
             verdict = self._heard_after_goodbye(record, message, now_ns)
-        elif same_claimant(message, record):
-            verdict = self._heard(record, message, now_ns)
         else:
-            verdict = self._heard_other(record, message, now_ns)
+            verdict = self._heard(record, message, now_ns)
         if record is None or verdict not in _HELD or record.status is not _ACTIVE:
             return verdict, None, 0
         # Numbers of another incarnation, or of none, are not comparable.
@@ -344,13 +348,25 @@ class HintStore:
             message.last_seen_ns = max(message.last_seen_ns, known.last_seen_ns)
         if message.last_seen_ns < known.last_seen_ns:
             return Verdict.OLDER
-        if rival is not None and rival.departed and not is_new_life(message, rival):
+        if rival is not None:
+            return self._heard_rival(record, rival, message, now_ns)
+        if record.status is _ACTIVE and other_host(message, record):
+            return self._contend(record, None, message)
+        return self._succeed(record, message, now_ns)
+
+    def _heard_rival(
+        self, record: Record, rival: Claimant, message: Claimant, now_ns: int
+    ) -> Verdict:
+        """A contender, or a predecessor: it may be a late word of one who speaks no more."""
+        if rival.departed and not is_new_life(message, rival):
             self._buried += 1
             return Verdict.BURIED
-        if rival is not None and repeats(message, rival):
+        if repeats(message, rival):
             return Verdict.OLDER
-        if record.status is _ACTIVE and (rival is not None or other_host(message, record)):
+        if record.status is _ACTIVE:
             return self._contend(record, rival, message)
+        if message.last_seen_ns < record.last_seen_ns or not is_new_life(message, rival):
+            return Verdict.OLDER
         return self._succeed(record, message, now_ns)
 
     def _heard_after_goodbye(self, record: Record, message: Claimant, now_ns: int) -> Verdict:
@@ -381,16 +397,24 @@ class HintStore:
         cause = self._book.cause_of_hearing(message.last_seen_ns, now_ns)
         if cause is None:
             return Verdict.OLDER
-        rivals: tuple[Claimant, ...] = ()
-        if record.status is _ACTIVE:
-            # There is none that the message could speak for: it would have been a contender's.
-            others = sorted(record.rivals, key=last_seen)
-            rivals = (*others[-(MAX_CLAIMS - 2) :], remembered(record))
+        remaining = (one for one in record.rivals if not same_claimant(message, one))
+        others = sorted(remaining, key=last_seen)
+        rivals = (*others[-(MAX_CLAIMS - 2) :], *self._predecessor(record, message, now_ns))
         size = hint_bytes(message.hint) + claimed_bytes(rivals)
         if not self._book.make_room(count=0, size=size - record.size, grower=record):
             return Verdict.STORE_FULL
         self._book.hand_over(record, message, cause, now_ns, rivals)
         return Verdict.CHANGED
+
+    def _predecessor(self, record: Record, heir: Claimant, now_ns: int) -> tuple[Claimant, ...]:
+        """The holder, to be remembered beside its heir, unless it has been silent for ``ttl``."""
+        if same_claimant(heir, record):
+            return ()
+        gone = remembered(record)
+        if record.cause in _GONE:
+            gone.last_seen_ns = max(gone.last_seen_ns, record.history[-1].at_ns)
+            gone.departed = record.cause is Cause.GOODBYE
+        return (gone,) if gone.last_seen_ns + self.ttl_ns > now_ns else ()
 
     def _depart(
         self, leaving: tuple[str, str, str, int], cause: Cause, verdict: Verdict, detail: str
@@ -410,13 +434,11 @@ class HintStore:
             self._book.count(record, speaker)
             heir = freshest_contender(record.rivals)
             if heir is None:
-                self._book.set_rivals(record, ())
                 self._book.go(record, cause, now_ns, detail)
                 self._book.file(record)
-            elif cause is Cause.GOODBYE:
-                self._book.inherit(record, heir, now_ns, tombstone(record, speaker))
             else:
-                self._book.inherit(record, heir, now_ns)
+                gone = seen_to_go(record, speaker, goodbye=cause is Cause.GOODBYE)
+                self._book.inherit(record, heir, now_ns, gone)
             return verdict
 
     def _rival_departs(
@@ -427,9 +449,8 @@ class HintStore:
             return Verdict.UNKNOWN
         if rival.departed or repeats(speaker, rival):
             return Verdict.OLDER
-        rivals = tuple(one for one in record.rivals if one is not rival)
-        if cause is Cause.GOODBYE:
-            rivals = (*rivals, tombstone(rival, speaker))
-        self._book.set_rivals(record, rivals)
+        others = (one for one in record.rivals if one is not rival)
+        gone = seen_to_go(rival, speaker, goodbye=cause is Cause.GOODBYE)
+        self._book.set_rivals(record, (*others, gone))
         self._book.file(record)
         return verdict

@@ -105,8 +105,8 @@ BUGS = [
     ),
     Bug(
         "a tombstone lasts from the last message, not from the goodbye",
-        "return record.history[-1].at_ns + self.ttl_ns",
-        "return record.last_seen_ns + self.ttl_ns",
+        "end_ns = record.history[-1].at_ns + self.ttl_ns",
+        "end_ns = record.last_seen_ns + self.ttl_ns",
     ),
     Bug(
         "the count of conflicts drifts when a contended record ends",
@@ -185,8 +185,8 @@ BUGS = [
     ),
     Bug(
         "a predecessor is never pruned",
-        "        if record.rivals:\n            seen_ns = min(",
-        "        if visible(record.rivals):\n            seen_ns = min(",
+        "        if record.rivals:\n            end_ns = min(",
+        "        if visible(record.rivals):\n            end_ns = min(",
     ),
     Bug(
         "a restart by inheritance is not counted",
@@ -195,7 +195,7 @@ BUGS = [
     ),
     Bug(
         "a contender that left keeps its claim",
-        "tuple(one for one in record.rivals if one is not rival)",
+        "(one for one in record.rivals if one is not rival)",
         "record.rivals",
     ),
     Bug(
@@ -232,6 +232,31 @@ BUGS = [
         "the oldest claim stays, the newest gives way",
         "others.sort(key=last_seen)",
         "others.sort(key=last_seen, reverse=True)",
+    ),
+    Bug(
+        "beside one who has gone a predecessor needs no proof",
+        " or not is_new_life(message, rival):\n            return Verdict.OLDER",
+        ":\n            return Verdict.OLDER",
+    ),
+    Bug(
+        "beside one who has gone a predecessor's word may be older than the last",
+        "if message.last_seen_ns < record.last_seen_ns or not is_new_life(message, rival):",
+        "if not is_new_life(message, rival):",
+    ),
+    Bug(
+        "who was lost is not remembered beside its heir as long as it should be",
+        "if record.cause in _GONE:",
+        "if record.cause is Cause.GOODBYE:",
+    ),
+    Bug(
+        "the numbers of former runs are forgotten",
+        "elif record.runs and told_before(message, record.runs):",
+        "elif record.runs is None:",
+    ),
+    Bug(
+        "the run that has gone last gives way to those before it",
+        "return tuple(known.items())[-MAX_FORMER_RUNS:]",
+        "return tuple(known.items())[:MAX_FORMER_RUNS]",
     ),
 ]
 

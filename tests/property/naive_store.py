@@ -20,6 +20,7 @@ Picture = tuple[Any, ...]
 
 OVERHEAD_BYTES = 700
 MAX_CLAIMS = 4
+MAX_FORMER_RUNS = 4
 MAX_HISTORY = 16
 DEPARTED = {"goodbye": "left", "lost": "lost"}
 """The verdict on a departure."""
@@ -49,6 +50,10 @@ class Entity:
     """Contenders, and predecessors that have been silent since."""
     restarts: int = 0
     history: list[Step] = attrs.Factory(list)
+    runs: list[tuple[str, int]] = attrs.Factory(list)
+    """Of the voices, the holder's first: each one's run, and the last number heard of it."""
+    former_runs: dict[str, int] = attrs.Factory(dict)
+    """Runs of which nobody is there any more; the one that went last comes last."""
 
     @property
     def contenders(self) -> list[Voice]:
@@ -57,6 +62,16 @@ class Entity:
     @property
     def bytes(self) -> int:
         return sum(hint_bytes(one.hint) for one in [self.holder, *self.contenders])
+
+    def look_who_has_gone(self) -> None:
+        before = self.runs
+        self.runs = [(one.incarnation, one.number) for one in [self.holder, *self.others]]
+        for run, number in before:
+            if run != "" and number > 0:
+                self.former_runs[run] = max(number, self.former_runs.pop(run, 0))
+        present = [run for run, _ in self.runs]
+        gone = [one for one in self.former_runs.items() if one[0] not in present]
+        self.former_runs = dict(gone[-MAX_FORMER_RUNS:])
 
 
 def picture(entity: Entity) -> Picture:
@@ -108,11 +123,13 @@ class NaiveStore:
             return self._begin(message, now)
         if is_numbered_later(message, entity.holder):
             message.heard = max(message.heard, entity.holder.heard)
+        if 0 < message.number <= entity.former_runs.get(message.incarnation, 0):
+            return "older"
+        if not same_process(message, entity.holder):
+            return self._hear_another(entity, message, now)
         if entity.status == "left":
             return self._hear_the_departed(entity, message, now)
-        if same_process(message, entity.holder):
-            return self._hear_the_holder(entity, message, now)
-        return self._hear_another(entity, message, now)
+        return self._hear_the_holder(entity, message, now)
 
     def _begin(self, message: Voice, now: int) -> str:
         if now - message.heard >= self.expiry:
@@ -157,13 +174,17 @@ class NaiveStore:
         elsewhere = both_differ(message.hint["hostname"], entity.holder.hint["hostname"])
         if entity.status == "active" and (other or elsewhere):
             return self._contend(entity, other, message, now)
+        # The holder has gone: that alone does not bring back who was there before it.
+        proven = other is None or is_numbered_higher(message, other)
+        if not proven or message.heard < entity.holder.heard:
+            return "older"
         return self._take_over(entity, message, now)
 
     def _hear_the_departed(self, entity: Entity, message: Voice, now: int) -> str:
         gone = entity.holder
         if message.heard < gone.heard:
             return "older"
-        if same_process(message, gone) and not is_numbered_higher(message, gone):
+        if not is_numbered_higher(message, gone):
             self.totals["buried"] += 1
             return "buried"
         return self._take_over(entity, message, now)
@@ -184,12 +205,11 @@ class NaiveStore:
     def _take_over(self, entity: Entity, message: Voice, now: int) -> str:
         if now - message.heard >= self.expiry:
             return "older"
-        former, was_active = entity.holder, entity.status == "active"
         status, cause = self._when_heard(message, now)
-        others: list[Voice] = []
-        if was_active and status == "active":
-            others = [one for one in entity.others if not same_process(message, one)]
-            others = [*longest_silent_first(others)[-(MAX_CLAIMS - 2) :], former]
+        others = [one for one in entity.others if not same_process(message, one)]
+        others = longest_silent_first(others)[-(MAX_CLAIMS - 2) :]
+        if not same_process(message, entity.holder):
+            others += self._as_it_went(entity, now)
         contenders = [one for one in others if one.contending]
         size = sum(hint_bytes(one.hint) for one in [message, *contenders])
         if not self._may_grow(entity, size - entity.bytes, now):
@@ -197,6 +217,16 @@ class NaiveStore:
         self._hand_over(entity, message, status, cause, now)
         entity.others = others
         return "changed"
+
+    def _as_it_went(self, entity: Entity, now: int) -> list[Voice]:
+        """The holder as a predecessor, if its last sign of life is not too long ago."""
+        sign_of_life = entity.holder.heard
+        if entity.cause in DEPARTED:
+            sign_of_life = max(sign_of_life, entity.history[-1][0])
+        if now - sign_of_life >= self.ttl:
+            return []
+        said_goodbye = entity.status == "left"
+        return [attrs.evolve(entity.holder, heard=sign_of_life, departed=said_goodbye)]
 
     def depart(self, cause: str, speaker: Voice, now: int, detail: str = "") -> str:
         """A goodbye or a loss; the speaker's hint holds the id alone."""
@@ -217,8 +247,7 @@ class NaiveStore:
         if other.departed or is_repetition(speaker, other):
             return "older"
         entity.others.remove(other)
-        if cause == "goodbye":
-            entity.others.append(departed(other, speaker, now))
+        entity.others.append(gone(other, speaker, now, said_goodbye=cause == "goodbye"))
         return DEPARTED[cause]
 
     def _holder_departs(
@@ -230,8 +259,7 @@ class NaiveStore:
         holder.incarnation, holder.number = run_after(holder, speaker)
         if entity.contenders:
             self._inherit(entity, now)
-            if cause == "goodbye":
-                entity.others.append(departed(holder, speaker, now))
+            entity.others.append(gone(holder, speaker, now, said_goodbye=cause == "goodbye"))
         else:
             self._go(entity, "left" if cause == "goodbye" else "stale", cause, now, detail)
         return DEPARTED[cause]
@@ -257,21 +285,22 @@ class NaiveStore:
             self._note()
 
     def _deadline(self, entity: Entity) -> int:
+        lapses = [one.heard + self.ttl for one in entity.others]
+        return min([self._end_of_status(entity), *lapses])
+
+    def _end_of_status(self, entity: Entity) -> int:
         if entity.status == "left":
             return entity.history[-1][0] + self.ttl
-        if entity.status == "stale":
-            return entity.holder.heard + self.expiry
-        return min(one.heard for one in [entity.holder, *entity.others]) + self.ttl
+        return entity.holder.heard + (self.expiry if entity.status == "stale" else self.ttl)
 
     def _fall_due(self, at: int, name: str) -> None:
         entity = self.entities[name]
-        if entity.status != "active":
-            self.totals["expired"] += 1
-            self._end(name)
-            return
         entity.others = [one for one in entity.others if at - one.heard < self.ttl]
-        if at - entity.holder.heard >= self.ttl:
-            if entity.contenders:
+        if at >= self._end_of_status(entity):
+            if entity.status != "active":
+                self.totals["expired"] += 1
+                self._end(name)
+            elif entity.contenders:
                 self._inherit(entity, at)
             else:
                 self._go(entity, "stale", "silent", at)
@@ -285,8 +314,6 @@ class NaiveStore:
     def _go(self, entity: Entity, status: str, cause: str, at: int, detail: str = "") -> None:
         entity.status, entity.cause, entity.detail = status, cause, detail
         entity.history = [*entity.history, (at, status, cause, detail)][-MAX_HISTORY:]
-        if status != "active":
-            entity.others = []
 
     def _inherit(self, entity: Entity, at: int) -> None:
         heir = max(entity.contenders, key=lambda one: one.heard)
@@ -337,6 +364,8 @@ class NaiveStore:
 
     def _note(self) -> None:
         """Find out what has changed since the last time, by looking at everything."""
+        for entity in self.entities.values():
+            entity.look_who_has_gone()
         now_seen = {name: picture(entity) for name, entity in self.entities.items()}
         for name in [one for one in self._seen if one not in now_seen]:
             self.revision += 1
@@ -400,9 +429,9 @@ def is_numbered_higher(message: Voice, gone: Voice) -> bool:
     return message.incarnation == gone.incarnation and message.number > gone.number > 0
 
 
-def departed(gone: Voice, goodbye: Voice, now: int) -> Voice:
-    incarnation, number = run_after(gone, goodbye)
-    return Voice(gone.hint, gone.source, incarnation, number, now, departed=True)
+def gone(one: Voice, departure: Voice, now: int, *, said_goodbye: bool) -> Voice:
+    incarnation, number = run_after(one, departure)
+    return Voice(one.hint, one.source, incarnation, number, now, departed=said_goodbye)
 
 
 def run_after(known: Voice, message: Voice) -> tuple[str, int]:

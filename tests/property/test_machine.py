@@ -331,6 +331,46 @@ class Machine(RuleBasedStateMachine):
             self.depart(entity_id, holder.source, (holder.incarnation, 0), crashed=False)
             self._update(f"{entity_id}{number}", holder.heard + after, name, ("i3", 1))
 
+    @rule(
+        number=st.integers(0, 9),
+        further=st.sampled_from([None, -1, 0, 1, 1]),
+        after=st.sampled_from([None, None, -1, 0, 1]),
+    )
+    def a_predecessor_speaks(self, number: int, further: int | None, after: int | None) -> None:
+        """Who spoke under an id before, perhaps late, while its successor may have gone."""
+        found = self._succeeded()
+        if found is None:
+            return
+        entity_id, entity = found
+        others = [(one.source, one.incarnation, one.number) for one in entity.others]
+        others += [("s2", run, last) for run, last in entity.former_runs.items()]
+        name, run, last = others[number % len(others)]
+        count = 0 if further is None else max(0, last + further)
+        sent = None if after is None else entity.holder.heard + after
+        self._update(f"{entity_id}{number}", sent, name, (run, count))
+
+    @rule(
+        entity_id=ids,
+        times=st.integers(2, 6),
+        pause=st.sampled_from([0, 1, SECOND // 20]),
+        crashed=st.sampled_from([None, True, False]),
+    )
+    def restart_again_and_again(
+        self, entity_id: str, times: int, pause: int, *, crashed: bool | None
+    ) -> None:
+        """More runs than are remembered, of which the last one may go."""
+        for number in range(times):
+            self._update(f"{entity_id}0", None, "s1", (f"n{number}", number + 1))
+            self.clock.advance(pause)
+        if crashed is not None:
+            self.depart(entity_id, "s1", (f"n{times - 1}", 0), crashed=crashed)
+
+    def _succeeded(self) -> tuple[str, Entity] | None:
+        """An entity under whose id somebody spoke before, rather one whose holder has gone."""
+        entities = self.naive.entities.items()
+        found = [one for one in entities if one[0] in IDS and (one[1].others or one[1].former_runs)]
+        return min(found, key=lambda one: (one[1].status == "active", one[0]), default=None)
+
     @rule(hint=hints, age=ages, name=speakers, run=runs)
     def update(self, hint: str, age: Age | None, name: str, run: tuple[str, int]) -> None:
         sent = None if age is None else self.clock.monotonic_ns() - self._ns(age)

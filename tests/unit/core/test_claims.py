@@ -15,16 +15,18 @@ from beacon_core.claims import (
     freshest_contender,
     is_new_life,
     last_seen,
+    noted,
     other_host,
     remembered,
     repeats,
     same_claimant,
+    seen_to_go,
     succession,
-    tombstone,
+    told_before,
     visible,
 )
 from beacon_core.hint import BeaconHint
-from beacon_core.limits import HINT_OVERHEAD_BYTES
+from beacon_core.limits import HINT_OVERHEAD_BYTES, MAX_FORMER_RUNS
 
 
 def one(
@@ -225,14 +227,48 @@ def test_a_predecessor_is_remembered_by_who_it_was_without_its_other_words() -> 
         (one("a", at_ns=20), ("i", 5)),
     ],
 )
-def test_a_tombstone_says_who_left_and_when_and_with_which_number(
-    goodbye: Claimant, count: tuple[str, int]
+@pytest.mark.parametrize("by_goodbye", [True, False])
+def test_of_one_who_went_it_is_kept_who_when_how_and_with_which_number(
+    goodbye: Claimant, count: tuple[str, int], *, by_goodbye: bool
 ) -> None:
     known = one("a", "i", 5, host="h", at_ns=9, contending=True, display_name="A")
-    stone = tombstone(known, goodbye)
-    assert (stone.source, stone.incarnation, stone.sequence) == ("a", *count)
-    assert (stone.last_seen_ns, stone.departed, stone.contending) == (20, True, False)
-    assert stone.hint == BeaconHint("e", hostname="h")
+    gone = seen_to_go(known, goodbye, goodbye=by_goodbye)
+    assert (gone.source, gone.incarnation, gone.sequence) == ("a", *count)
+    assert (gone.last_seen_ns, gone.departed, gone.contending) == (20, by_goodbye, False)
+    assert gone.hint == BeaconHint("e", hostname="h")
+
+
+def test_of_former_runs_the_highest_number_is_known() -> None:
+    runs = noted((("i", 5), ("j", 1)), [("i", 3), ("k", 2)])
+    assert runs == (("j", 1), ("i", 5), ("k", 2))
+    assert noted(runs, [("j", 7)]) == (("i", 5), ("k", 2), ("j", 7))
+
+
+def test_a_run_without_a_name_or_a_number_is_none_to_remember() -> None:
+    assert noted((), [("", 5), ("i", 0)]) == ()
+
+
+def test_the_runs_that_went_first_are_forgotten_first() -> None:
+    runs = noted((), [(f"i{n}", 1) for n in range(MAX_FORMER_RUNS + 2)])
+    assert runs == tuple((f"i{n}", 1) for n in range(2, MAX_FORMER_RUNS + 2))
+
+
+@pytest.mark.parametrize(
+    ("message", "told"),
+    [
+        (one("a", "i", 5), True),
+        (one("b", "i", 1), True),
+        (one("a", "j", 2), True),
+        (one("a", "i", 6), False),
+        (one("a", "i", 0), False),
+        (one("a", "k", 1), False),
+        (one("a", "", 1), False),
+    ],
+)
+def test_what_a_former_run_has_said_before_is_known_by_its_number(
+    message: Claimant, *, told: bool
+) -> None:
+    assert told_before(message, (("i", 5), ("j", 2))) is told
 
 
 @pytest.mark.parametrize(

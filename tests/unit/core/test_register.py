@@ -153,6 +153,47 @@ def test_a_predecessor_is_forgotten_after_a_ttl_and_nobody_notices(book: Registe
     assert (record.status, book.revision) == (Status.ACTIVE, revision)
 
 
+@pytest.mark.parametrize("cause", [Cause.SILENT, Cause.LOST, Cause.GOODBYE])
+def test_a_predecessor_is_remembered_for_its_ttl_though_the_holder_has_gone(
+    book: Register, cause: Cause
+) -> None:
+    record = begin(book, "a", at_ns=5 * S, now_ns=5 * S)
+    book.set_rivals(record, (claimant("a", 7 * S, source="r0"),))
+    book.go(record, cause, 8 * S)
+    book.file(record)
+    for now_ns, remembered in ((7 * S + TTL - 1, ["r0"]), (7 * S + TTL, [])):
+        book.settle(now_ns)
+        assert [one.source for one in record.rivals] == remembered
+    assert book.records["a"].status is not Status.ACTIVE
+
+
+def test_of_who_speaks_no_more_the_last_number_is_noted_and_of_who_does_nothing(
+    book: Register,
+) -> None:
+    record = begin(book, "a")
+
+    def run(name: str, number: int) -> Claimant:
+        speaker = claimant("a", S, incarnation=name)
+        speaker.sequence = number
+        return speaker
+
+    def noted() -> dict[str, int]:
+        return dict(record.runs)
+
+    book.count(record, run("i", 5))
+    book.hand_over(record, run("j", 1), Cause.HEARD, S, (run("i", 6),))
+    assert noted() == {}
+    book.set_rivals(record, ())
+    assert noted() == {"i": 6}
+    book.hand_over(record, run("k", 1), Cause.HEARD, S, ())
+    assert noted() == {"i": 6, "j": 1}
+    # Somebody who speaks for the holder says that it is another run; and then the first is back.
+    book.count(record, run("l", 1))
+    assert noted() == {"i": 6, "j": 1, "k": 1}
+    book.count(record, run("i", 9))
+    assert noted() == {"j": 1, "k": 1, "l": 1}
+
+
 def test_setting_no_rivals_where_there_are_none_changes_nothing(book: Register) -> None:
     record = begin(book, "a")
     view = record.given_out()

@@ -387,6 +387,30 @@ def test_what_a_departed_rival_said_before_does_not_bring_it_back(house: House) 
     assert not house.get().conflict
 
 
+def test_who_held_the_id_before_does_not_hold_it_again_because_its_successor_has_gone(
+    house: House,
+) -> None:
+    house.hear(incarnation="i", sequence=5)
+    house.hear(incarnation="j", sequence=1)
+    house.store.lost("e", source="r", incarnation="j")
+    for sequence in (0, 4, 5):
+        assert house.hear(incarnation="i", sequence=sequence) is Verdict.OLDER
+    assert (house.status(), house.get().incarnation) == (STALE, "j")
+    # A number proves that it spoke after that; and then the other one is the predecessor.
+    assert house.hear(incarnation="i", sequence=6) is Verdict.CHANGED
+    assert house.hear(incarnation="j", sequence=1) is Verdict.OLDER
+    house.store.goodbye("e", source="r", incarnation="i", sequence=7)
+    assert house.hear(incarnation="k") is Verdict.CHANGED
+    assert house.hear(incarnation="i", sequence=7) is Verdict.BURIED
+    for _ in range(3):
+        house.wait(TTL - 1)
+        house.hear(incarnation="k")
+    assert house.hear(incarnation="i", sequence=7) is Verdict.OLDER
+    house.wait(TTL)
+    assert house.hear(incarnation="l") is Verdict.CHANGED
+    assert house.hear(incarnation="k") is Verdict.CHANGED
+
+
 def test_a_contender_that_is_lost_leaves_the_id_to_the_holder_and_the_other_way_round(
     house: House,
 ) -> None:

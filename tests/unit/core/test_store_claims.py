@@ -122,6 +122,141 @@ def test_restarts_are_counted_for_each_id_and_for_all(house: House) -> None:
     assert house.store.stats().restarts == 6
 
 
+# -- predecessors, when the holder has gone --------------------------------------------------------
+
+
+def go(house: House, how: str, who: dict[str, Any]) -> Status:
+    """The holder falls silent, is lost or says goodbye."""
+    if how == "silent":
+        house.wait(TTL)
+        return STALE
+    depart = house.store.lost if how == "lost" else house.store.goodbye
+    assert depart("e", source=who["source"], incarnation=who["incarnation"]) == (
+        Verdict.LOST if how == "lost" else Verdict.LEFT
+    )
+    return STALE if how == "lost" else LEFT
+
+
+GONE = pytest.mark.parametrize("how", ["silent", "lost", "goodbye"])
+
+
+@GONE
+@pytest.mark.parametrize("sequence", [1, 4, 5])
+def test_an_old_number_of_a_predecessor_brings_it_back_from_no_death_of_its_successor(
+    house: House, how: str, sequence: int
+) -> None:
+    house.hear(**HERE, sequence=5)
+    house.wait(S)
+    house.hear(**NEXT, sequence=1)
+    status = go(house, how, NEXT)
+    for _ in range(3):
+        assert house.hear(**HERE, sequence=sequence) is Verdict.OLDER
+        assert (house.status(), house.get().incarnation) == (status, "j")
+        house.wait(TTL // 4)
+
+
+@pytest.mark.parametrize("second", [NEXT, AWAY], ids=["same place", "another host"])
+@pytest.mark.parametrize("how", ["lost", "goodbye"])
+def test_a_predecessor_without_numbers_has_to_wait_for_its_ttl(
+    house: House, how: str, second: dict[str, Any]
+) -> None:
+    house.hear(**HERE, age=S)
+    if second is AWAY:
+        house.store.lost("e", source="a", incarnation="i")
+        house.wait(0)
+    last_sign_of_life = house.now - (S if second is NEXT else 0)
+    house.hear(**second)
+    status = go(house, how, second)
+    house.wait(last_sign_of_life + TTL - 1 - house.now)
+    assert house.hear(**HERE) is Verdict.OLDER
+    assert (house.status(), house.get().incarnation) == (status, second["incarnation"])
+    house.wait(1)
+    assert house.hear(**HERE) in {Verdict.CHANGED, Verdict.NEW}
+    assert (house.status(), house.get().incarnation) == (ACTIVE, "i")
+
+
+@pytest.mark.parametrize("how", ["lost", "goodbye"])
+def test_a_predecessor_that_proves_to_live_takes_its_id_back_at_once(
+    house: House, how: str
+) -> None:
+    house.hear(**HERE, sequence=5)
+    house.wait(S)
+    house.hear(**NEXT, sequence=1)
+    house.wait(S)
+    go(house, how, NEXT)
+    # Said before the successor's last words, whatever arrived when.
+    assert house.hear(**HERE, sequence=6, age=S + 1) is Verdict.OLDER
+    assert house.hear(**HERE, sequence=6, age=S) is Verdict.CHANGED
+    assert (house.status(), house.get().incarnation) == (ACTIVE, "i")
+    # And it is the other one now whose late words mean nothing.
+    assert house.hear(**NEXT, sequence=1) in {Verdict.OLDER, Verdict.BURIED}
+
+
+def test_who_was_lost_or_left_is_remembered_beside_its_heir(house: House) -> None:
+    house.hear(**HERE, sequence=5)
+    house.wait(S)
+    house.store.lost("e", source="a", incarnation="i")
+    house.wait(S)
+    house.hear(**NEXT, sequence=1)
+    assert house.hear(**HERE, sequence=5) is Verdict.OLDER
+    # Sent before it was lost.
+    assert house.hear(**HERE, age=S + 1) is Verdict.OLDER
+    house.store.goodbye("e", source="a", incarnation="j", sequence=2)
+    house.hear(source="a", incarnation="k", hostname="h")
+    assert house.hear(**NEXT, sequence=2) is Verdict.BURIED
+    assert sources(house) == ["k"]
+
+
+def test_a_tombstone_outlives_the_silence_of_whoever_held_the_id_then(house: House) -> None:
+    house.hear(**HERE)
+    house.hear(**NEXT)
+    house.wait(TTL - 1)
+    house.store.goodbye("e", source="a", incarnation="i")
+    house.wait(1)
+    assert house.status() is STALE
+    assert house.hear(**HERE) is Verdict.BURIED
+    house.wait(TTL - 2)
+    assert house.hear(**HERE) is Verdict.BURIED
+    house.wait(1)
+    assert house.hear(**HERE) is Verdict.CHANGED
+
+
+@pytest.mark.parametrize("who", ["holder", "rival"])
+def test_what_was_sent_before_a_loss_does_not_undo_it_beside_another_claim(
+    house: House, who: str
+) -> None:
+    house.hear(**HERE)
+    house.hear(**AWAY)
+    going, staying = (HERE, AWAY) if who == "holder" else (AWAY, HERE)
+    house.wait(S)
+    house.store.lost("e", source=going["source"], incarnation=going["incarnation"])
+    assert house.hear(**going, age=1) is Verdict.OLDER
+    assert sources(house) == [staying["incarnation"]]
+    assert house.hear(**going) is Verdict.CONTENDED
+
+
+def test_a_number_of_a_former_run_is_old_however_late_it_comes(house: House) -> None:
+    house.hear(**HERE, sequence=5)
+    for _ in range(10):
+        house.hear(**NEXT)
+        house.wait(TTL - 1)
+    assert house.hear(**HERE, sequence=5) is Verdict.OLDER
+    assert sources(house) == ["j"]
+    assert house.hear(**HERE, sequence=6) is Verdict.CHANGED
+    assert sources(house) == ["i"]
+
+
+def test_a_contender_that_fell_silent_does_not_claim_again_by_what_it_said(house: House) -> None:
+    house.hear(**HERE)
+    house.hear(**AWAY, sequence=7)
+    house.wait(TTL - 1)
+    house.hear(**HERE)
+    house.wait(1)
+    assert not house.get().conflict
+    assert house.hear(**AWAY, sequence=7) is Verdict.OLDER
+    assert house.hear(**AWAY, sequence=8) is Verdict.CONTENDED
+
+
 # -- conflicts -----------------------------------------------------------------------------------
 
 
