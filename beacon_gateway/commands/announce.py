@@ -65,7 +65,11 @@ def parser() -> argparse.ArgumentParser:
     for field in attrs.fields(BeaconHint):
         _add_field(fields, field)
     way = made.add_argument_group("how")
-    way.add_argument("--adapter", default="zenoh", help="the carrier (default: %(default)s)")
+    way.add_argument(
+        "--adapter",
+        default="zenoh",
+        help="the carrier, such as zenoh, ros_topic or ros_param (default: %(default)s)",
+    )
     way.add_argument(
         "--connect",
         action="append",
@@ -78,7 +82,8 @@ def parser() -> argparse.ArgumentParser:
         default=[],
         metavar="KEY=VALUE",
         type=_option,
-        help="an option of the adapter, the value in YAML; may be repeated",
+        help="an option of the adapter, such as domain_id=7 of the ROS ones; the value in YAML; "
+        "may be repeated",
     )
     way.add_argument("--period", type=seconds, default=2.0, metavar="S", help="default: 2")
     way.add_argument("--duration", type=seconds, metavar="S", help="stop by itself after this")

@@ -13,6 +13,9 @@ __all__ = ["findings"]
 
 _Body = Mapping[str, Any]
 
+_TO_BEGIN_S = 10.0
+"""A source that asks in turns, on a network that is discovered slowly, may hear nothing before."""
+
 _TURNED_AWAY: Mapping[Verdict, tuple[str, str]] = {
     Verdict.SOURCE_RATE: (
         "dropped by source_rate",
@@ -92,9 +95,9 @@ def _heard(name: str, source: _Body, uptime_s: float) -> Finding:
     hints = source["hints"]
     if not any(source["messages"].values()):
         return Finding(
-            Level.PROBLEM,
+            Level.PROBLEM if uptime_s >= _TO_BEGIN_S else Level.NOTE,
             f"{name}: nothing has arrived since the gateway started {uptime_s:.0f} s ago",
-            "see what was found on its carrier, above",
+            "see what was found on its carrier, above; and the gateway's log",
         )
     what = (
         f"{name}: {_many(source['senders'], 'sender')}; {hints['active']} active, "

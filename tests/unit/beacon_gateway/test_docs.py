@@ -17,6 +17,8 @@ from beacon_core.errors import ConfigError
 from beacon_fake import FakeOptions
 from beacon_gateway import cli, config, vendor
 from beacon_gateway.console.exits import EXIT_CODES
+from beacon_ros_param import RosParamOptions
+from beacon_ros_topic import RosTopicOptions
 from beacon_zenoh import ZenohOptions
 from beacon_zenoh.options import TlsOptions
 
@@ -47,6 +49,8 @@ def blocks(document: str, language: str) -> list[str]:
         ZenohOptions,
         TlsOptions,
         FakeOptions,
+        RosTopicOptions,
+        RosParamOptions,
     ],
 )
 def test_every_key_of_the_configuration_is_documented(cls: type[attrs.AttrsInstance]) -> None:
@@ -55,7 +59,7 @@ def test_every_key_of_the_configuration_is_documented(cls: type[attrs.AttrsInsta
 
 
 def test_the_example_with_all_keys_has_all_keys_and_says_the_defaults() -> None:
-    (example,) = blocks(CONFIGURATION, "yaml")
+    example = blocks(CONFIGURATION, "yaml")[0]
     document = yaml.safe_load(example)
     loaded = config.parse_config(document)
     assert loaded.corrections == ()
@@ -73,6 +77,11 @@ def test_the_example_with_all_keys_has_all_keys_and_says_the_defaults() -> None:
     assert (
         attrs.evolve(loaded.config, sources=default.sources, entities=default.entities) == default
     )
+
+
+@pytest.mark.parametrize("example", blocks(CONFIGURATION, "yaml")[1:])
+def test_the_other_examples_are_configurations_too(example: str) -> None:
+    assert config.parse_config(yaml.safe_load(example)).corrections == ()
 
 
 def test_the_problems_shown_are_those_that_are_reported() -> None:

@@ -46,6 +46,11 @@ def test_nothing_at_all_is_a_problem(plant: Plant) -> None:
     assert finding.what == "robots: nothing has arrived since the gateway started 35 s ago"
 
 
+def test_to_begin_with_it_is_none(plant: Plant) -> None:
+    plant.wait(3)
+    assert [one.level for one in told(plant)] == [Level.NOTE]
+
+
 def test_silence_of_all_who_were_heard_is_a_problem(plant: Plant) -> None:
     plant.announce("a")
     plant.wait(11)
