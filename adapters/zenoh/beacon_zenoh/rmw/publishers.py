@@ -4,14 +4,16 @@ Theory. A message brings its publisher's GID, and a token tells of a publisher t
 the token goes, what the publisher spoke for is lost. Which token is whose?
 
 * rmw_zenoh derives the GID from the token's key, so there equality decides (*by number*);
-* others (zenoh-ros2-sdk) take a random GID, and a sample tells nothing else of its sender. Then
-  what is left over decides: if on the messages' very key exactly one publisher has a token that
-  belongs to nobody, it must be this one's (*by elimination*). It is looked at ``SETTLE_NS`` after
-  the first message, since tokens and messages are reported in different threads, and again when
-  another token comes. A tie by number outdoes one by elimination.
+* others (zenoh-ros2-sdk) take a random GID. But their sessions stamp messages, as rmw_zenoh's do,
+  and with the stamp stands which session it was. Of the tokens on the messages' very key that
+  belong to nobody yet, those of that session are left over; if there are none (the router stamped,
+  or nobody did), all of them are. If one is left over, it must be this publisher's (*by
+  elimination*). It is looked at ``SETTLE_NS`` after the first message, since tokens and messages
+  are reported in different threads, and again when another token comes. A tie by number outdoes
+  one by elimination.
 * if several tokens are left over, none is given to anybody: a guess would make the hints of
   somebody who is there stale. But when the last of them has gone, all who may have owned one are
-  lost; and one by one they fall back on their time to live.
+  lost; until then they fall back on their time to live.
 
 Two tokens under one GID do not exist: a key has its session and its number in it.
 """
@@ -47,6 +49,8 @@ class Heard:
     """Its GID in hexadecimal: what a sink is told as source, and as incarnation."""
     topic_key: str
     """The key that its messages have."""
+    zid: str = ""
+    """The session that stamped them; ``""`` if none did."""
     entities: dict[str, int] = attrs.field(factory=dict)
     """Whom it spoke for and did not say goodbye for, and the number of its last word of each."""
     numbers: dict[int, str] = attrs.field(factory=dict)
@@ -55,6 +59,8 @@ class Heard:
     """Of these, whom it was not heard of since it was lost."""
     token: bytes | None = None
     """The GID of the token that it is tied to."""
+    candidates: set[bytes] = attrs.field(factory=set)
+    """The tokens of which one may be its own, as there are several."""
     allowed: bool = True
     """May it be listened to?"""
 
@@ -89,7 +95,8 @@ class Publishers:
         with self._lock:
             topic_key = data_key(member.data_key)
             self._tokens[token] = member
-            self._left_over[topic_key].add(token)
+            if token not in self._owner:
+                self._left_over[topic_key].add(token)
             if token in self.heard:
                 self._tie(token, token)
             for gid, due_ns in self._untied.items():
@@ -107,16 +114,21 @@ class Publishers:
             if owner is not None:
                 self._untie(owner, token)
             self._left_over[topic_key].discard(token)
-            gone = [owner] if owner is not None else self._without(topic_key)
+            if not self._left_over[topic_key]:
+                del self._left_over[topic_key]
+            gone = [owner] if owner is not None else self._without(token)
             return [self.heard[gid] for gid in gone]
 
-    def meet(self, gid: bytes, topic_key: str, now_ns: int) -> Heard:
-        """The publisher with this GID, which is not in ``heard`` yet, or was not a moment ago."""
+    def meet(self, gid: bytes, topic_key: str, zid: str, now_ns: int) -> Heard:
+        """The publisher with this GID, which is not in ``heard`` yet, or was not a moment ago.
+
+        ``zid``: the session that stamped its message, ``""`` if none did.
+        """
         with self._lock:
             found = self.heard.get(gid)
             if found is not None:
                 return found
-            found = Heard(gid.hex(), topic_key, allowed=self._admits is None)
+            found = Heard(gid.hex(), topic_key, zid, allowed=self._admits is None)
             if len(self.heard) >= MAX_PUBLISHERS and not self._forget_one():
                 self.refused += 1
                 return found
@@ -156,9 +168,12 @@ class Publishers:
         with self._lock:
             for gid in [gid for gid, due_ns in self._untied.items() if due_ns <= now_ns]:
                 self._untied[gid] = _NEVER
-                left_over = self._left_over[self.heard[gid].topic_key]
+                publisher = self.heard[gid]
+                left_over = self._candidates(publisher)
                 if len(left_over) == 1:
                     self._tie(next(iter(left_over)), gid)
+                else:
+                    publisher.candidates = left_over
 
     def next_due_ns(self) -> int | None:
         """When :meth:`settle` may have something to do."""
@@ -172,6 +187,8 @@ class Publishers:
             self._untie(gid, publisher.token)
         if token in self._owner:
             self._untie(self._owner[token], token)
+        for one in self._untied:
+            self.heard[one].candidates.discard(token)
         self._owner[token] = gid
         self._left_over[publisher.topic_key].discard(token)
         self._untied.pop(gid, None)
@@ -185,15 +202,22 @@ class Publishers:
         del self._owner[token]
         self._left_over[publisher.topic_key].add(token)
 
-    def _without(self, topic_key: str) -> list[bytes]:
-        """Those without a token on this key, if no token is left over there."""
-        if self._left_over[topic_key]:
-            return []
-        return [
-            gid
-            for gid, due_ns in self._untied.items()
-            if due_ns == _NEVER and self.heard[gid].topic_key == topic_key
-        ]
+    def _candidates(self, publisher: Heard) -> set[bytes]:
+        """The tokens of which one may be this publisher's."""
+        left_over = self._left_over.get(publisher.topic_key, set())
+        of_session = {one for one in left_over if self._tokens[one].zid == publisher.zid}
+        return of_session or set(left_over)
+
+    def _without(self, token: bytes) -> list[bytes]:
+        """Of those without a token, who may have owned this one, and no other that is there."""
+        gone = []
+        for gid in self._untied:
+            candidates = self.heard[gid].candidates
+            if token in candidates:
+                candidates.discard(token)
+                if not candidates:
+                    gone.append(gid)
+        return gone
 
     def _forget_one(self) -> bool:
         """Make room: the first of those whose every entity is missed, or who have none."""

@@ -249,7 +249,7 @@ class RmwTopicSource:
             self._count("bad-attachments")
             return
         gid, sequence, stamp_ns = envelope
-        publisher = self._known(gid) or self._meet(gid, str(sample.key_expr))
+        publisher = self._known(gid) or self._meet(gid, sample)
         if publisher is None:
             return
         if not publisher.allowed:
@@ -294,12 +294,14 @@ class RmwTopicSource:
         if outcome.accepted:
             self._publishers.spoke(publisher, outcome.entity_id, sequence)
 
-    def _meet(self, gid: bytes, key: str) -> Heard | None:
-        named = data_key_of(key)
+    def _meet(self, gid: bytes, sample: zenoh.Sample) -> Heard | None:
+        named = data_key_of(str(sample.key_expr))
         if named is None:
             self._count("bad-keys")
             return None
-        publisher = self._publishers.meet(gid, data_key(named), time.monotonic_ns())
+        stamp = sample.timestamp
+        zid = "" if stamp is None else str(stamp.get_id())
+        publisher = self._publishers.meet(gid, data_key(named), zid, time.monotonic_ns())
         self._keeper.wake()
         return publisher
 

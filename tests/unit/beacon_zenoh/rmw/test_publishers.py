@@ -25,8 +25,8 @@ ONE, TWO = token(1), token(2)
 STRANGER, ANOTHER = bytes(16), b"\1" * 16
 
 
-def speaking(known: Publishers, gid: bytes, key: str = KEY) -> Heard:
-    publisher = known.meet(gid, key, 0)
+def speaking(known: Publishers, gid: bytes, key: str = KEY, zid: str = "") -> Heard:
+    publisher = known.meet(gid, key, zid, 0)
     known.spoke(publisher, f"of-{gid.hex()[:2]}", 1)
     return publisher
 
@@ -88,6 +88,48 @@ def test_of_several_that_are_left_over_none_is_given_away() -> None:
     assert known.unlisted(TWO[0]) == both
 
 
+def test_of_several_the_one_whose_session_stamped_the_messages_is_the_stranger_s() -> None:
+    known = Publishers()
+    known.listed(*ONE, 0)
+    elsewhere = attrs.evolve(TOPIC, zid="cd")
+    known.listed(gid_of(token_key(elsewhere)), elsewhere, 0)
+    here, there = speaking(known, STRANGER, zid="ab"), speaking(known, ANOTHER, zid="cd")
+    known.settle(LATER)
+    assert known.unlisted(ONE[0]) == [here]
+    assert known.unlisted(gid_of(token_key(elsewhere))) == [there]
+
+
+def test_of_several_of_one_session_all_are_lost_when_the_last_has_gone() -> None:
+    known = Publishers()
+    known.listed(*ONE, 0)
+    known.listed(*TWO, 0)
+    elsewhere = attrs.evolve(TOPIC, zid="cd")
+    known.listed(gid_of(token_key(elsewhere)), elsewhere, 0)
+    here = [speaking(known, STRANGER, zid="ab"), speaking(known, ANOTHER, zid="ab")]
+    known.settle(LATER)
+    assert known.unlisted(ONE[0]) == []
+    assert known.unlisted(TWO[0]) == here
+
+
+def test_who_is_without_a_token_is_not_lost_with_one_that_came_and_went_for_another() -> None:
+    known = Publishers()
+    stranger = speaking(known, STRANGER)
+    known.settle(LATER)
+    known.listed(*ONE, LATER)
+    speaking(known, ONE[0])
+    known.settle(2 * LATER)
+    assert stranger.token is None
+    assert known.unlisted(ONE[0]) != [stranger]
+
+
+def test_a_stamp_of_the_router_tells_nothing() -> None:
+    known = Publishers()
+    known.listed(*ONE, 0)
+    stranger = speaking(known, STRANGER, zid="ef")
+    known.settle(LATER)
+    assert stranger.token == ONE[0]
+
+
 def test_who_came_one_by_one_is_told_apart() -> None:
     known = Publishers()
     known.listed(*ONE, 0)
@@ -146,7 +188,7 @@ def test_who_must_be_admitted_is_not_without_a_token() -> None:
 
 def test_the_last_word_of_each_is_known_by_its_number() -> None:
     known = Publishers()
-    publisher = known.meet(STRANGER, KEY, 0)
+    publisher = known.meet(STRANGER, KEY, "", 0)
     known.spoke(publisher, "engine", 1)
     known.spoke(publisher, "brake", 2)
     known.spoke(publisher, "engine", 3)
@@ -187,7 +229,7 @@ def test_who_is_missed_anyway_makes_room(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_a_flood_of_entities_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "MAX_SPOKEN_FOR", 2)
     known = Publishers()
-    publisher = known.meet(STRANGER, KEY, 0)
+    publisher = known.meet(STRANGER, KEY, "", 0)
     for name in ("a", "b", "c"):
         known.spoke(publisher, name, 1)
     assert set(publisher.entities) == {"a", "b"}
@@ -199,5 +241,5 @@ def test_a_flood_of_entities_is_counted(monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_who_is_met_twice_at_once_is_one() -> None:
     known = Publishers()
-    assert known.meet(STRANGER, KEY, 0) is known.meet(STRANGER, KEY, 0)
+    assert known.meet(STRANGER, KEY, "", 0) is known.meet(STRANGER, KEY, "", 0)
     assert len(known) == 0
