@@ -17,12 +17,15 @@ import attrs
 from rclpy.context import Context
 from rclpy.node import Node
 
-from beacon_core.errors import ConfigError
+from beacon_core.errors import ConfigError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["OwnNode"]
+__all__ = ["NO_FORK", "OwnNode"]
+
+NO_FORK = "ROS does not work in a forked child; start the child with multiprocessing's spawn"
+"""Seen: a child of a process that had used ROS was heard by nobody, without any error."""
 
 
 class OwnNode:
@@ -37,7 +40,8 @@ class OwnNode:
     ) -> None:
         """``domain_id`` ``None``: that of the environment (ROS_DOMAIN_ID).
 
-        Raises ``ConfigError`` for a domain that cannot be joined.
+        Raises ``ConfigError`` for a domain that cannot be joined, and ``UsageError`` in a child
+        that was forked after the first of these was made.
         """
         self._shared = _acquire(domain_id)
         self.context = self._shared.context
@@ -69,22 +73,24 @@ class OwnNode:
 @attrs.define(eq=False)
 class _Shared:
     context: Context
-    key: int | None
+    domain_id: int | None
     users: int = 0
 
 
 _numbers: Iterator[int] = itertools.count(1)
 _lock = threading.Lock()
-_contexts: dict[tuple[int, int | None], _Shared] = {}
+_contexts: dict[int | None, _Shared] = {}
+_used_by: set[int] = set()
 
 
 def _acquire(domain_id: int | None) -> _Shared:
-    # A forked child has none of the context's threads: it gets a context of its own.
-    key = (os.getpid(), domain_id)
+    if _used_by - {os.getpid()}:
+        raise UsageError(NO_FORK)
     with _lock:
-        shared = _contexts.get(key)
+        shared = _contexts.get(domain_id)
         if shared is None or not shared.context.ok():
-            shared = _contexts[key] = _Shared(_new_context(domain_id), domain_id)
+            shared = _contexts[domain_id] = _Shared(_new_context(domain_id), domain_id)
+        _used_by.add(os.getpid())
         shared.users += 1
         return shared
 
@@ -94,9 +100,8 @@ def _release(shared: _Shared) -> None:
         shared.users -= 1
         if shared.users:
             return
-        key = (os.getpid(), shared.key)
-        if _contexts.get(key) is shared:
-            del _contexts[key]
+        if _contexts.get(shared.domain_id) is shared:
+            del _contexts[shared.domain_id]
     shared.context.try_shutdown()
     shared.context.destroy()
 

@@ -21,7 +21,7 @@ from beacon_core.validator import is_valid_id
 from beacon_core.wire import cdr
 from beacon_core.wire.medkit import TYPE_HASH, TYPE_NAME, farewell
 from beacon_ros.farewell import say_last
-from beacon_ros.participant import OwnNode
+from beacon_ros.participant import NO_FORK, OwnNode
 from beacon_ros.rawtype import message_type
 from beacon_ros.waiter import CONTEXT_ENDED, Waiter
 from beacon_ros_topic.options import RosTopicOptions
@@ -97,7 +97,7 @@ class RosTopicAnnouncer:
                 "write 1 to 256 letters, digits, '_' or '-'"
             )
         if self._pid != os.getpid():
-            raise UsageError("announce: made before a fork; make an announcer in the child")
+            raise UsageError(f"announce: made before a fork; {NO_FORK}")
         payload = cdr.encode(hint)
         with self._lock:
             if self._closed:

@@ -21,6 +21,7 @@ from beacon_core.validator import is_valid_id
 from beacon_core.wire import cdr
 from beacon_core.wire.medkit import TYPE_HASH, TYPE_NAME, farewell
 from beacon_ros.farewell import say_last
+from beacon_ros.participant import NO_FORK
 from beacon_ros.process import identified
 from beacon_ros.rawtype import message_type
 from beacon_ros.shutdown import at_shutdown
@@ -103,7 +104,7 @@ class TopicBeacon:
         if unknown:
             raise UsageError(f"update: {', '.join(sorted(unknown))} cannot be changed in a hint")
         if self._pid != os.getpid():
-            raise UsageError("update: made before a fork; make a beacon in the child")
+            raise UsageError(f"update: made before a fork; {NO_FORK}")
         with self._lock:
             if self._closed:
                 raise UsageError("update: this beacon is closed; make a new one")
