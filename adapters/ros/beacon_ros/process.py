@@ -19,6 +19,6 @@ def identified(hint: BeaconHint) -> BeaconHint:
     return attrs.evolve(
         hint,
         process_id=hint.process_id or os.getpid(),
-        process_name=hint.process_name or Path(sys.argv[0]).name,
+        process_name=hint.process_name or Path(*sys.argv[:1]).name,
         hostname=hint.hostname or socket.gethostname(),
     )

@@ -20,7 +20,9 @@ Durability = Literal["volatile", "transient_local"]
 _MAX_DOMAIN = 232
 """Above, the ports that DDS computes from the domain do not exist."""
 
-_TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
+_TOPIC = re.compile(r"(?=.{1,247}$)(/[A-Za-z_][A-Za-z0-9_]*)+")
+"""ROS takes 247 characters at most."""
+
 _MAX_DEPTH = 1_000_000
 
 
