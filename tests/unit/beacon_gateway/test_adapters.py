@@ -17,7 +17,7 @@ def registered(monkeypatch: pytest.MonkeyPatch, **points: str) -> None:
 
 
 def test_our_own_adapters_are_registered() -> None:
-    assert {"fake", "zenoh"} <= set(adapters.installed())
+    assert {"fake", "zenoh", "ros_topic", "ros_param"} <= set(adapters.installed())
 
 
 def test_an_installed_adapter_is_loaded() -> None:
