@@ -106,7 +106,12 @@ def test_a_callback_that_fails_is_logged_and_the_others_are_served(
 
 def test_closing_a_spinner_that_hangs_gives_up_in_time_and_can_be_done_again(own: OwnNode) -> None:
     spinner, begun, release = Spinner(own.context, own.node), threading.Event(), threading.Event()
-    spinner.run(lambda: (begun.set(), release.wait(DEADLINE_S)), within_s=0.0)
+
+    def hang() -> None:
+        begun.set()
+        release.wait(DEADLINE_S)
+
+    spinner.run(hang, within_s=0.0)
     assert begun.wait(DEADLINE_S)
     began = time.monotonic()
     assert not spinner.close(0.1)

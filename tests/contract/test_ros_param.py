@@ -1,0 +1,16 @@
+"""ROS parameters keep the contract that every adapter keeps, over real rclpy and DDS."""
+
+from __future__ import annotations
+
+import pytest
+
+pytest.importorskip("rclpy", reason="rclpy is not installed: no ROS to keep the contract over")
+
+from beacon_core.testing.contract import AdapterContract
+from beacon_core.testing.harness import Harness
+from beacon_ros_param.harness import RosParamHarness
+
+
+class TestRosParam(AdapterContract):
+    def make_harness(self) -> Harness:
+        return RosParamHarness()
