@@ -41,7 +41,11 @@ queryable is known here."""
 
 MAX_TOKENS = 20_000
 """Twice the hints a store holds. A flood of invented tokens beyond it is counted and ignored; the
-entities behind ignored tokens fall back on their time to live."""
+entities behind ignored tokens fall back on their time to live. So many may be missing too, and so
+many awaited: tokens that come and go at once are in neither number for long, but may be many."""
+
+_SLACK = 64
+"""Void timers there may be beyond twice the valid ones before they are tidied away."""
 
 
 @attrs.frozen
@@ -70,6 +74,8 @@ class Roster:
     def __init__(self) -> None:
         self.refused = 0
         """Tokens that were ignored because there were ``MAX_TOKENS`` already."""
+        self.overlooked = 0
+        """Losses and questions that were not noted because ``MAX_TOKENS`` of their kind were."""
         self.awaited: dict[str, _Question] = {}
         """Entities whose next hint makes a difference here: it is the first since their token came,
         or since their goodbye. For others :meth:`heard` need not be called, which keeps it off the
@@ -79,7 +85,7 @@ class Roster:
         self._present: dict[Token, bool] = {}  # -> has said goodbye
         self._missing: dict[Token, int] = {}  # -> lost if not back by then
         # Tokens to be lost and entities to be asked for; one whose time has since been changed in
-        # _missing or awaited is void.
+        # _missing or awaited is void, and there are hardly more of those than valid ones.
         self._timers: list[tuple[int, int, Token | str]] = []
         self._serial = 0
 
@@ -152,6 +158,9 @@ class Roster:
         if said_goodbye:
             self.awaited.pop(token.entity_id, None)
         elif said_goodbye is not None:
+            if len(self._missing) >= MAX_TOKENS:
+                self.overlooked += 1
+                return
             self._missing[token] = until_ns
             self._at(until_ns, token)
 
@@ -162,10 +171,27 @@ class Roster:
             del self.awaited[entity_id]
 
     def _ask_later(self, entity_id: str, question: _Question) -> None:
+        if entity_id not in self.awaited and len(self.awaited) >= MAX_TOKENS:
+            self.overlooked += 1
+            return
         self.awaited[entity_id] = question
         self._at(question.due_ns, entity_id)
 
     def _at(self, due_ns: int, what: Token | str) -> None:
+        if len(self._timers) > 2 * (len(self._missing) + len(self.awaited)) + _SLACK:
+            self._tidy()
+        self._push(due_ns, what)
+
+    def _tidy(self) -> None:
+        """Keep one timer for each that is valid."""
+        self._timers = []
+        for token, until_ns in self._missing.items():
+            self._push(until_ns, token)
+        for entity_id, question in self.awaited.items():
+            if question is not _NO_QUESTION:
+                self._push(question.due_ns, entity_id)
+
+    def _push(self, due_ns: int, what: Token | str) -> None:
         self._serial += 1
         heapq.heappush(self._timers, (due_ns, self._serial, what))
 

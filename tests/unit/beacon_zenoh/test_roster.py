@@ -161,3 +161,54 @@ def test_a_flood_of_tokens_is_counted_and_ignored(monkeypatch: pytest.MonkeyPatc
     roster.vanished(Token("robot-0"), 2)
     roster.appeared(Token("robot-4"), 3)
     assert (len(roster), roster.refused) == (3, 2)
+
+
+def test_a_flood_of_tokens_that_come_and_go_is_counted_and_overlooked(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(module, "MAX_TOKENS", 3)
+    roster = Roster()
+    for number in range(10):
+        token = Token(f"robot-{number}")
+        roster.appeared(token, number)
+        roster.vanished(token, number)
+        assert len(roster._missing) <= 3
+        assert len(roster.awaited) <= 3
+    assert (len(roster), roster.refused, roster.overlooked) == (0, 0, 14)
+    assert roster.due(GRACE_NS + 9).lost == (
+        Token("robot-0"),
+        Token("robot-1"),
+        Token("robot-2"),
+    )
+    # Whose loss was overlooked may come back, and is awaited as soon as there is room.
+    while (due_ns := roster.next_due_ns()) is not None:
+        roster.due(due_ns)
+    roster.appeared(Token("robot-9"), LATER)
+    assert set(roster.awaited) == {"robot-9"}
+
+
+def test_a_token_that_flaps_leaves_no_heap_of_timers_behind() -> None:
+    roster = Roster()
+    for number in range(10_000):
+        roster.appeared(ENGINE, number)
+        roster.vanished(ENGINE, number)
+        assert len(roster._timers) <= 2 * 2 + 64 + 1
+    assert roster.due(GRACE_NS + 9_999).lost == (ENGINE,)
+    assert roster.overlooked == 0
+
+
+def test_timers_are_tidied_away_without_losing_one() -> None:
+    roster = Roster()
+    for number in range(100):
+        roster.appeared(Token(f"robot-{number}"), number)
+    for number in range(50):
+        roster.heard(Token(f"robot-{number}"))
+        roster.left(Token(f"robot-{number}"))
+    for number in range(50, 60):
+        roster.vanished(Token(f"robot-{number}"), 100)
+    for flap in range(1_000):
+        roster.appeared(ENGINE, 100 + flap)
+    roster.heard(ENGINE)
+    due = roster.due(SETTLE_NS + 2_000)
+    assert due.lost == tuple(Token(f"robot-{number}") for number in range(50, 60))
+    assert due.ask == tuple(f"robot-{number}" for number in range(50, 100))
