@@ -15,6 +15,7 @@ from beacon_core.ports.sink import HintSink
 from beacon_zenoh.config import session_config
 from beacon_zenoh.keys import Keys, Token
 from beacon_zenoh.options import ZenohOptions
+from beacon_zenoh.questions import EVERYBODY, Questions
 from beacon_zenoh.roster import Roster
 from beacon_zenoh.session import CLOSE_WITHIN_S, SessionKeeper
 from beacon_zenoh.wire import NO_ENVELOPE, decode
@@ -22,9 +23,6 @@ from beacon_zenoh.wire import NO_ENVELOPE, decode
 __all__ = ["ZenohSource"]
 
 _log = logging.getLogger(__name__)
-
-_ASK_ALL_ABOVE = 16
-"""From so many on, one question to everybody is cheaper than one to each."""
 
 _ANSWER_WITHIN_S = 2.0
 """How long a question stays open: a hung announcer costs no more than its slot until then."""
@@ -59,6 +57,7 @@ class ZenohSource:
         self._entity_of = self._keys.entity_of
         self._roster = Roster()
         self._awaited = self._roster.awaited
+        self._questions = Questions(time.monotonic_ns())
         self._sink: HintSink | None = None
         self._closed = False
         # Held during each call of the sink: what makes "after close, no call" true.
@@ -86,7 +85,12 @@ class ZenohSource:
         self._keeper.close(0.0 if inside else CLOSE_WITHIN_S - spent)
 
     def health(self) -> Health:
-        roster = {"tokens": len(self._roster), "tokens-refused": self._roster.refused}
+        roster = {
+            "tokens": len(self._roster),
+            "tokens-refused": self._roster.refused,
+            "tokens-overlooked": self._roster.overlooked,
+            "questions-postponed": self._questions.postponed,
+        }
         return self._keeper.health({**roster, **self._counters})
 
     def _declare(self, session: zenoh.Session) -> None:
@@ -95,20 +99,27 @@ class ZenohSource:
         # With a callback: the default channel deadlocks on the 257th token. And never liveliness()
         # .get on this session: it leaves ghosts in it.
         session.liveliness().declare_subscriber(self._keys.tokens, self._on_token, history=True)
-        self._ask(session, self._keys.hints)
+        self._questions.want([EVERYBODY])
+        self._ask_who_waits(session, time.monotonic_ns())
 
     def _step(self, session: zenoh.Session | None) -> float | None:
         now_ns = time.monotonic_ns()
         due = self._roster.due(now_ns)
         for token in due.lost:
             self._lose(token)
-        if session is not None and due.ask:
-            everybody = len(due.ask) > _ASK_ALL_ABOVE
-            keys = [self._keys.hints] if everybody else map(self._keys.hint, due.ask)
-            for key in keys:
-                self._ask(session, key)
-        next_ns = self._roster.next_due_ns()
+        self._questions.want(due.ask)
+        if session is None:
+            # The next one begins with asking everybody.
+            self._questions.drop()
+        else:
+            self._ask_who_waits(session, now_ns)
+        times = (self._roster.next_due_ns(), self._questions.next_due_ns())
+        next_ns = min((at_ns for at_ns in times if at_ns is not None), default=None)
         return None if next_ns is None else max(_STEP_AT_LEAST_S, (next_ns - now_ns) / 1e9)
+
+    def _ask_who_waits(self, session: zenoh.Session, now_ns: int) -> None:
+        for name in self._questions.take(now_ns):
+            self._ask(session, self._keys.hints if name == EVERYBODY else self._keys.hint(name))
 
     def _ask(self, session: zenoh.Session, key: str) -> None:
         """Let the announcers on this key say their hints again, to us alone."""

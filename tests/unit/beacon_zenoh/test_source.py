@@ -15,6 +15,7 @@ from beacon_core.wire import json
 from beacon_zenoh import wire
 from beacon_zenoh.config import session_config
 from beacon_zenoh.harness import ZenohHarness
+from beacon_zenoh.questions import ROLL_CALLS_AT_ONCE, ROLL_CALLS_PER_S
 
 SLOW_CLOCK_NS = 3600 * 10**9
 
@@ -80,6 +81,35 @@ def test_a_robot_that_cannot_be_asked_is_asked_three_times_and_then_waited_for(
     robot.put("beacon/hint/engine", b'{"entity_id":"engine"}')
     eventually(harness, lambda: listener.has("engine"))
     token.undeclare()  # type: ignore[no-untyped-call]
+
+
+def test_invented_tokens_make_the_gateway_ask_no_oftener_than_it_may(
+    harness: ZenohHarness, robot: zenoh.Session
+) -> None:
+    """Many tokens of nobody, new ones all the time."""
+    listener = Listener(harness).start()
+    answers = []
+
+    def answer(query: zenoh.Query) -> None:
+        with query:
+            answers.append(time.monotonic())
+
+    robot.declare_queryable("beacon/hint/engine", answer)
+    live = robot.liveliness()
+    began, tokens, rounds = time.monotonic(), [], 0
+    while time.monotonic() - began < 3.0:
+        rounds += 1
+        tokens += [live.declare_token(f"beacon/live/nobody-{rounds}-{n}") for n in range(20)]
+        harness.wait_until(lambda: False, 0.03)
+    lasted = time.monotonic() - began
+    allowed = ROLL_CALLS_AT_ONCE + ROLL_CALLS_PER_S * (lasted + 1.0)
+    assert 3 <= len(answers) <= allowed
+    counters = listener.source.health().counters
+    assert counters["questions-postponed"] > 0
+    assert counters["tokens-overlooked"] == 0
+    # Nobody is forgotten for it.
+    robot.put("beacon/hint/engine", b'{"entity_id":"engine"}')
+    eventually(harness, lambda: listener.has("engine"))
 
 
 def test_many_tokens_make_few_questions(harness: ZenohHarness, robot: zenoh.Session) -> None:
