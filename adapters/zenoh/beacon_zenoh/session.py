@@ -3,7 +3,10 @@
 Theory. Everything that may wait for the network happens in one daemon thread, the keeper's: opening
 (with retries, for as long as there is no router), declaring, the owner's own work (``step``),
 closing. So nobody who calls the owner ever waits for the network, closing has a deadline that does
-not depend on Zenoh (which may block for 10 s), and a session that has died is replaced.
+not depend on Zenoh (which may block for 10 s), and a session that has died is replaced. Nothing but
+closing ends that thread: what Zenoh cannot do is expected and tried again; any other exception is a
+defect, ours or (as a ``BaseException``) a panic of Zenoh's: logged when it first shows, and tried
+again too.
 
 Three traps of the Zenoh binding are dealt with here, each measured with 1.10.2:
 
@@ -96,6 +99,8 @@ class SessionKeeper:
         self._retry_s = _RETRY_FIRST_S
         self._retry_at = 0.0
         self._error = ""
+        # What has failed by a defect, and has not worked since.
+        self._reported: set[str] = set()
 
     def start(self) -> None:
         """Open, or keep trying in the background if a client finds no router.
@@ -195,13 +200,27 @@ class SessionKeeper:
         except zenoh.ZError as error:
             self._error = reason(error)
             _log.debug("no session: %s", self._error)
-            self._retry_at = time.monotonic() + self._retry_s
-            self._retry_s = min(self._retry_s * _RETRY_FACTOR, _RETRY_LAST_S)
+            self._retry_later()
+        except BaseException as error:  # noqa: BLE001
+            self._error = repr(error)
+            self._report("opening a session")
+            self._retry_later()
         else:
             self._session, self._links = session, links
             self._retry_s = _RETRY_FIRST_S
+            self._reported.discard("opening a session")
         finally:
             self._first_attempt.set()
+
+    def _retry_later(self) -> None:
+        self._retry_at = time.monotonic() + self._retry_s
+        self._retry_s = min(self._retry_s * _RETRY_FACTOR, _RETRY_LAST_S)
+
+    def _report(self, what: str) -> None:
+        """A defect: to be told once, not at each attempt."""
+        level = logging.DEBUG if what in self._reported else logging.ERROR
+        self._reported.add(what)
+        _log.log(level, "%s failed", what, exc_info=True)
 
     def _prepare(self, session: zenoh.Session) -> set[str]:
         """Returns the session's own set of links: what an old one still reports is no news."""
@@ -210,20 +229,22 @@ class SessionKeeper:
             listener = partial(self._on_transport, links)
             session.info.declare_transport_events_listener(listener, history=True)
             self._declare(session)
-        except zenoh.ZError:
+        except BaseException:
             _close(session)
             raise
         return links
 
     def _guarded_step(self) -> float | None:
         try:
-            return self._step(self._session)
+            pause = self._step(self._session)
         except zenoh.ZError as error:
             # The session was closed in the middle; _watch replaces it.
             _log.debug("a session ended in use: %s", reason(error))
-        except Exception:  # noqa: BLE001
-            # A defect, to be reported; but the thread must go on, for nobody else can close.
-            _log.exception("a step failed")
+        except BaseException:  # noqa: BLE001
+            self._report("a step")
+        else:
+            self._reported.discard("a step")
+            return pause
         return None
 
     def _watch(self) -> None:
@@ -267,6 +288,8 @@ class SessionKeeper:
                 self._farewell(session)
         except zenoh.ZError as error:
             _log.debug("no farewell: %s", reason(error))
+        except BaseException:  # noqa: BLE001
+            self._report("the farewell")
         finally:
             _close(session)
             self._links = set()
@@ -277,6 +300,8 @@ def _close(session: zenoh.Session) -> None:
         session.close()  # type: ignore[no-untyped-call]
     except zenoh.ZError as error:  # "close operation timed out!", after 10 s
         _log.debug("closing a session: %s", reason(error))
+    except BaseException:  # noqa: BLE001
+        _log.error("closing a session failed", exc_info=True)
 
 
 _open_keepers: weakref.WeakSet[SessionKeeper] = weakref.WeakSet()

@@ -25,9 +25,9 @@ from beacon_zenoh.session import SessionKeeper
 class Owner:
     """What a keeper calls, and what it does then."""
 
-    declare_fails: list[Exception] = attrs.Factory(list)
-    step_fails: list[Exception] = attrs.Factory(list)
-    farewell_fails: list[Exception] = attrs.Factory(list)
+    declare_fails: list[BaseException] = attrs.Factory(list)
+    step_fails: list[BaseException] = attrs.Factory(list)
+    farewell_fails: list[BaseException] = attrs.Factory(list)
     pause_s: float | None = None
     in_step: Callable[[], None] = lambda: None
     calls: list[str] = attrs.Factory(list)
@@ -56,7 +56,7 @@ class Owner:
         self.keepers.append(keeper)
         return keeper
 
-    def _called(self, name: str, failures: list[Exception]) -> None:
+    def _called(self, name: str, failures: list[BaseException]) -> None:
         self.calls.append(name)
         if failures:
             raise failures.pop(0)
@@ -158,22 +158,101 @@ def test_a_session_on_which_nothing_can_be_declared_is_given_up_for_another(owne
     router.close()
 
 
-@pytest.mark.parametrize("failure", [zenoh.ZError("session closed"), RuntimeError("a defect")])
-def test_a_step_that_fails_is_not_the_last(
-    owner: Owner, failure: Exception, caplog: pytest.LogCaptureFixture
+class Panic(BaseException):
+    """As those of the Zenoh binding: no ``Exception``."""
+
+
+DEFECTS = pytest.mark.parametrize("defect", [RuntimeError("a defect"), Panic("a panic")])
+
+
+def told(caplog: pytest.LogCaptureFixture) -> list[str]:
+    return [record.message for record in caplog.records if record.levelname == "ERROR"]
+
+
+def test_a_step_that_zenoh_ends_is_not_the_last(
+    owner: Owner, caplog: pytest.LogCaptureFixture
 ) -> None:
-    owner.step_fails = [failure]
+    owner.step_fails = [zenoh.ZError("session closed")]
     owner.pause_s = 0.001
     keeper = owner.keeper()
     keeper.start()
     eventually(lambda: owner.calls.count("step") > 3)
     keeper.close()
-    reported = [record for record in caplog.records if record.levelname == "ERROR"]
-    assert bool(reported) == isinstance(failure, RuntimeError)
+    assert told(caplog) == []
 
 
-def test_a_farewell_that_fails_does_not_keep_the_session_open(owner: Owner) -> None:
-    owner.farewell_fails = [zenoh.ZError("session closed")]
+@DEFECTS
+def test_a_step_that_fails_by_a_defect_is_not_the_last_and_is_told_once(
+    owner: Owner, defect: BaseException, caplog: pytest.LogCaptureFixture
+) -> None:
+    owner.step_fails = [defect] * 5
+    keeper = owner.keeper()
+    keeper.start()
+
+    def stepped(times: int) -> bool:
+        keeper.wake()
+        return owner.calls.count("step") >= times
+
+    eventually(lambda: stepped(7))
+    assert told(caplog) == ["a step failed"]
+    # It has worked since: if it fails again, that is news.
+    owner.step_fails = [defect]
+    eventually(lambda: not owner.step_fails and stepped(10))
+    keeper.close()
+    assert told(caplog) == ["a step failed"] * 2
+
+
+@DEFECTS
+def test_a_session_that_cannot_be_prepared_by_a_defect_is_closed_and_tried_again(
+    owner: Owner, defect: BaseException, caplog: pytest.LogCaptureFixture
+) -> None:
+    endpoint = free_endpoint()
+    router = Owner().keeper(listen=(endpoint,))
+    router.start()
+    owner.declare_fails = [defect] * 3
+    client = owner.keeper("client", connect=(endpoint,))
+    client.start()
+    eventually(lambda: condition(client) is Condition.UP)
+    assert owner.calls.count("declare") == 4
+    assert told(caplog) == ["opening a session failed"]
+    # Those it was tried with are closed: the router is linked with the last one alone.
+    eventually(lambda: router.health({}).counters["links"] == 1)
+    client.close()
+    router.close()
+
+
+@DEFECTS
+def test_a_router_that_cannot_be_prepared_by_a_defect_says_so_when_it_is_started(
+    owner: Owner, defect: BaseException
+) -> None:
+    owner.declare_fails = [defect]
+    keeper = owner.keeper()
+    with pytest.raises(ConfigError, match=str(defect)):
+        keeper.start()
+    assert condition(keeper) is Condition.CLOSED
+
+
+@DEFECTS
+def test_a_session_that_was_lost_is_replaced_though_a_defect_shows_then(
+    owner: Owner, defect: BaseException
+) -> None:
+    keeper = owner.keeper()
+    keeper.start()
+    owner.declare_fails = [defect]
+    assert keeper._session is not None
+    keeper._session.close()  # type: ignore[no-untyped-call]
+    keeper.wake()
+    eventually(lambda: owner.calls.count("declare") == 3)
+    eventually(lambda: condition(keeper) is Condition.UP)
+    keeper.close()
+    assert owner.calls[-1] == "farewell"
+
+
+@pytest.mark.parametrize("failure", [zenoh.ZError("session closed"), RuntimeError("a defect")])
+def test_a_farewell_that_fails_does_not_keep_the_session_open(
+    owner: Owner, failure: Exception
+) -> None:
+    owner.farewell_fails = [failure]
     endpoint = free_endpoint()
     keeper = owner.keeper(listen=(endpoint,))
     keeper.start()
@@ -202,10 +281,13 @@ def test_closing_is_bounded_though_zenoh_hangs(
     hung.set()
 
 
-def test_a_session_that_cannot_be_closed_is_no_error_of_ours() -> None:
+@pytest.mark.parametrize(
+    "failure", [zenoh.ZError("close operation timed out!"), Panic("in the middle of it")]
+)
+def test_a_session_that_cannot_be_closed_is_no_error_of_ours(failure: BaseException) -> None:
     class Stuck:
         def close(self) -> None:
-            raise zenoh.ZError("close operation timed out!")
+            raise failure
 
     module._close(Stuck())  # type: ignore[arg-type]
 
