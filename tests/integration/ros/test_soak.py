@@ -1,0 +1,127 @@
+"""Nodes come and go every second, are killed, and contexts are opened and closed: nothing grows.
+
+``pytest -m slow tests/integration/ros/test_soak.py`` runs it for fifteen minutes and prints what it
+measured; the short one is among the usual tests.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import statistics
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import attrs
+import pytest
+
+pytest.importorskip("rclpy", reason="rclpy is not installed")
+
+from beacon_ros.mortal import short_lease
+
+SAMPLE_S = 2.0
+KILL_EVERY_S = 7.0
+WARM_UP = 0.25
+"""This part of the time is for caches to fill; the rest is looked at."""
+
+GATEWAY = """
+sources:
+  topic: {adapter: ros_topic, ttl_s: 3}
+  param: {adapter: ros_param, ttl_s: 5, options: {interval_s: 1}}
+"""
+
+LOG_LINE = re.compile(r"\d{4}-\d\d-\d\d [\d:,]+ (INFO|WARNING) +beacon_\S+: .*")
+
+
+@attrs.frozen
+class Sample:
+    """What a process holds at one moment."""
+
+    threads: int
+    files: int
+    megabytes: float
+
+    @classmethod
+    def of(cls, pid: int) -> Sample:
+        pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+        return cls(
+            threads=sum(1 for _ in Path(f"/proc/{pid}/task").iterdir()),
+            files=sum(1 for _ in Path(f"/proc/{pid}/fd").iterdir()),
+            megabytes=pages * os.sysconf("SC_PAGE_SIZE") / 2**20,
+        )
+
+
+def test_nothing_grows_while_nodes_come_and_go(soak: Callable[..., None]) -> None:
+    soak(seconds=20.0, growth_mb=60.0)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+def test_nothing_grows_in_a_quarter_of_an_hour(soak: Callable[..., None]) -> None:
+    soak(seconds=900.0, growth_mb=8.0)
+
+
+@pytest.fixture
+def soak(children: Any, gateway: Callable[[str], Any]) -> Callable[..., None]:
+    def run(*, seconds: float, growth_mb: float) -> None:
+        beacon = gateway(GATEWAY)
+        churn = children.node("churn")
+        samples: dict[str, list[Sample]] = {"gateway": [], "churn": []}
+        begin = killed_at = time.monotonic()
+        victim = None
+        while (now := time.monotonic()) < begin + seconds:
+            assert churn.process.poll() is None, churn.err.read_text()
+            if now >= begin + seconds * WARM_UP:
+                samples["gateway"].append(Sample.of(beacon.child.pid))
+                samples["churn"].append(Sample.of(churn.pid))
+            if now >= killed_at + KILL_EVERY_S:
+                if victim is not None:
+                    victim.signal(signal.SIGKILL)
+                # It asks nobody: rclpy writes a warning when it cannot answer somebody dead.
+                victim = children.node("churn", "speak-only", env=short_lease())
+                killed_at = now
+            time.sleep(SAMPLE_S)  # the pace of sampling, not a wait for something
+        for name, seen in samples.items():
+            _is_level(name, seen, growth_mb)
+        _heard_everything(beacon)
+        _ends_cleanly(churn, signal.SIGTERM)
+        assert not churn.err.read_text()
+        assert not churn.out.read_text()
+        _ends_cleanly(beacon.child, signal.SIGINT)
+        stray = [
+            line for line in beacon.child.err.read_text().splitlines() if not LOG_LINE.match(line)
+        ]
+        assert not stray
+
+    return run
+
+
+def _is_level(name: str, samples: list[Sample], growth_mb: float) -> None:
+    """The last third holds no more than the first did; nodes differ by a few at any moment."""
+    third = max(1, len(samples) // 3)
+    for what, allowed in (("threads", 12), ("files", 24), ("megabytes", growth_mb)):
+        early, late = (
+            statistics.median(getattr(one, what) for one in some)
+            for some in (samples[:third], samples[-third:])
+        )
+        print(f"{name:8} {what:10} {early:8.1f} -> {late:8.1f}")  # noqa: T201 - the soak's report
+        assert late <= early + allowed, f"{name}: {what} grew from {early} to {late}"
+
+
+def _heard_everything(beacon: Any) -> None:
+    """Both carriers were heard to the end."""
+    sources = beacon.get("health")[1]["x-medkit-beacon"]["sources"]
+    assert {one["name"] for one in sources} == {"topic", "param"}
+    for one in sources:
+        print(one["name"], one["condition"], one["messages"], one["counters"])  # noqa: T201
+        assert one["messages"]["new"] > 0
+        assert one["hints"]["active"] > 0
+        assert one["messages"]["fault"] == one["messages"]["malformed"] == 0
+
+
+def _ends_cleanly(child: Any, number: signal.Signals) -> None:
+    child.signal(number)
+    assert child.ends() == 0, child.err.read_text()
