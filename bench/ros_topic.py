@@ -239,8 +239,8 @@ def main() -> None:
         "rclpy's EventsExecutor, raw, only counting", best["EventsExecutor"] / best["bare"]
     )
     for name, some in results.items():
-        rate, lost = max(one.rate for one in some), [one.lost for one in some]
-        report.line(f"    {name:24} {best[name]:6.2f} us  {rate:8,.0f} messages/s  lost {lost}")
+        sent, lost = max(one.rate for one in some), [one.lost for one in some]
+        report.line(f"    {name:24} {best[name]:6.2f} us  {sent:8,.0f} messages/s  lost {lost}")
     stored = [min(one.lost for one in results[f"adapter, {kind}"]) for kind in KINDS]
     report.ratio("messages lost of those that must be stored", max(stored), 0)
     report.ratio("of a core, when idle", idle(1.0 if arguments.quick else 10.0), IDLE_AT_MOST)
