@@ -37,7 +37,7 @@ class Gateway:
         self.started_ns = self.clock.monotonic_ns()
         adapters = {name: lookup(source.adapter) for name, source in config.sources.items()}
         self.vendor_endpoints = vendor_endpoints(adapters)
-        """Beside ours: each with the name of the adapter whose view is served there."""
+        """Beside ours: each with the names of the adapters whose view is served there."""
         self.listeners = tuple(
             Listener(
                 name,

@@ -42,10 +42,10 @@ def make_app(gateway: Gateway) -> Starlette:
         "/components/{id}": api.component,
         f"/components/{{id}}/{BEACON}": api.component_beacon,
     }
-    for endpoint, adapter in gateway.vendor_endpoints.items():
+    for endpoint, adapters in gateway.vendor_endpoints.items():
         routes |= {
-            f"/apps/{{id}}/{endpoint}": partial(api.carrier_beacon, Kind.APP, adapter),
-            f"/components/{{id}}/{endpoint}": partial(api.carrier_beacon, Kind.COMPONENT, adapter),
+            f"/apps/{{id}}/{endpoint}": partial(api.carrier_beacon, Kind.APP, adapters),
+            f"/components/{{id}}/{endpoint}": partial(api.carrier_beacon, Kind.COMPONENT, adapters),
         }
     app = Starlette(
         routes=[
@@ -115,9 +115,9 @@ class _Api:
             raise http_errors.entity_not_found(entity_id)
         raise http_errors.wrong_type(entity_id, kind, actual)
 
-    def carrier_beacon(self, kind: Kind, adapter: str, request: Request) -> Response:
+    def carrier_beacon(self, kind: Kind, adapters: frozenset[str], request: Request) -> Response:
         beacon = self._found(request, kind).beacon
-        heard = None if beacon is None else beacon.heard_by(adapter)
+        heard = None if beacon is None else beacon.heard_by(adapters)
         if heard is None or heard.status is Status.LEFT:
             raise http_errors.beacon_not_found()
         return _JsonResponse(bodies.carrier_beacon(heard, self._clock))

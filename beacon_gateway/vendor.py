@@ -17,31 +17,30 @@ _NAME = re.compile(r"x-[a-z0-9]+(-[a-z0-9]+)*")
 """As the standard (SOVD) has vendors name what is theirs."""
 
 
-def vendor_endpoints(adapters: Mapping[str, Adapter]) -> dict[str, str]:
-    """The endpoints of the configured sources' adapters, each with its adapter's name.
+def vendor_endpoints(adapters: Mapping[str, Adapter]) -> dict[str, frozenset[str]]:
+    """The endpoints of the configured sources' adapters, each with its adapters' names.
 
-    ``adapters`` by the sources' names. Raises ``ConfigError`` for an endpoint that is no vendor's
-    name, that is ours, or that another adapter has.
+    Several may share one: the same kind of beacon may come over several carriers. ``adapters`` by
+    the sources' names. Raises ``ConfigError`` for an endpoint that is no vendor's name, or is ours.
     """
-    endpoints: dict[str, str] = {}
+    endpoints: dict[str, frozenset[str]] = {}
     for source, adapter in adapters.items():
         if not adapter.vendor_endpoint:
             continue
-        owner = endpoints.setdefault(adapter.vendor_endpoint, adapter.name)
-        why = _why_not(adapter, owner)
+        endpoint = adapter.vendor_endpoint
+        endpoints[endpoint] = endpoints.get(endpoint, frozenset()) | {adapter.name}
+        why = _why_not(endpoint)
         if why:
             raise ConfigError(
                 f"$.sources.{source}: the adapter {adapter.name!r} wants to be served at "
-                f"{adapter.vendor_endpoint!r}, {why}"
+                f"{endpoint!r}, {why}"
             )
     return endpoints
 
 
-def _why_not(adapter: Adapter, owner: str) -> str:
-    if not _NAME.fullmatch(adapter.vendor_endpoint):
+def _why_not(endpoint: str) -> str:
+    if not _NAME.fullmatch(endpoint):
         return "which must be x- and words of a-z and 0-9 with - between them"
-    if adapter.vendor_endpoint == BEACON:
+    if endpoint == BEACON:
         return "which is the gateway's own; it needs another name"
-    if owner != adapter.name:
-        return f"where {owner!r} is; one of the two needs another name"
     return ""

@@ -9,7 +9,7 @@ their words are never mixed.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 
 import attrs
 
@@ -42,9 +42,9 @@ class Beacon:
         freshest_first = tuple(sorted(views, key=_freshness, reverse=True))
         return cls(freshest_first) if freshest_first else None
 
-    def heard_by(self, adapter: str) -> Beacon | None:
-        """The same as the sources with this adapter have it; ``None`` if none of them has."""
-        return Beacon.of(view for view in self.views if view.adapter == adapter)
+    def heard_by(self, adapters: Container[str]) -> Beacon | None:
+        """The same as the sources with these adapters have it; ``None`` if none of them has."""
+        return Beacon.of(view for view in self.views if view.adapter in adapters)
 
     @property
     def freshest(self) -> View:

@@ -223,13 +223,18 @@ def test_the_gateways_own_endpoint_is_refused(make_plant: PlantMaker) -> None:
         make_plant(sources={"near": {"adapter": "topic"}}, endpoints={"topic": "x-medkit-beacon"})
 
 
-def test_two_adapters_that_want_one_endpoint_are_refused(make_plant: PlantMaker) -> None:
-    with pytest.raises(ConfigError) as caught:
-        make_plant(
-            sources={"near": {"adapter": "topic"}, "mine": {"adapter": "rival"}},
-            endpoints={"topic": TOPIC, "rival": TOPIC},
-        )
-    assert str(caught.value) == (
-        f"$.sources.mine: the adapter 'rival' wants to be served at {TOPIC!r}, "
-        "where 'topic' is; one of the two needs another name"
+def test_two_adapters_that_share_an_endpoint_are_served_there_the_freshest_first(
+    make_plant: PlantMaker,
+) -> None:
+    plant = make_plant(
+        sources={"near": {"adapter": "topic"}, "far": {"adapter": "same"}},
+        endpoints={"topic": TOPIC, "same": TOPIC},
+        entities=KNOWN,
     )
+    plant.announce("planner", source="near", display_name="near")
+    assert plant.ok(f"/apps/planner/{TOPIC}")["display_name"] == "near"
+    plant.wait(1.0)
+    plant.announce("planner", source="far", display_name="far")
+    assert plant.ok(f"/apps/planner/{TOPIC}")["display_name"] == "far"
+    names = [one["name"] for one in plant.ok("/apps/planner")["capabilities"]]
+    assert names == ["x-medkit-beacon", TOPIC]
