@@ -32,13 +32,17 @@ ASK_ALL_ABOVE = 16
 """From so many on, one question to everybody is cheaper than one to each."""
 
 ROLL_CALLS_PER_S = 1.0
+"""Questions to everybody."""
+
 ROLL_CALLS_AT_ONCE = 4.0
-"""Questions to everybody. A gateway that starts needs four within its first 1.3 s: one at once, and
-those that the roster repeats (:data:`beacon_zenoh.roster.ASK_AGAIN_NS`)."""
+"""A gateway that starts needs four within its first 1.3 s: one at once, and those that the roster
+repeats (:data:`beacon_zenoh.roster.ASK_AGAIN_NS`)."""
 
 QUESTIONS_PER_S = 16.0
+"""Questions to one entity."""
+
 QUESTIONS_AT_ONCE = 48.0
-"""Questions to one entity. As many as may be asked alone, each three times."""
+"""As many as may be asked alone, each three times."""
 
 
 class Questions:
