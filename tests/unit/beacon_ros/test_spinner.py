@@ -57,10 +57,10 @@ def test_nodes_come_and_go_while_others_are_served(own: OwnNode, spinner: Spinne
         wait_for(answer.done, f"served_{number} answers")
         if number % 2:
             spinner.remove_node(nodes[0])
-            nodes.pop(0).destroy_node()  # type: ignore[no-untyped-call]
+            nodes.pop(0).destroy_node()
     for node in nodes:
         spinner.remove_node(node)
-        node.destroy_node()  # type: ignore[no-untyped-call]
+        node.destroy_node()
 
 
 def test_what_is_run_is_run_in_the_spinners_thread_between_two_callbacks(spinner: Spinner) -> None:
