@@ -7,7 +7,10 @@ from importlib.metadata import PackageNotFoundError, version
 
 from beacon_core.errors import ConfigError
 
-__all__ = ["RAW_RMW", "distribution", "need_rclpy", "why_no_raw_types"]
+__all__ = ["MAX_DOMAIN", "RAW_RMW", "distribution", "need_rclpy", "why_no_raw_types"]
+
+MAX_DOMAIN = 232
+"""Above, the ports that DDS computes from the domain do not exist."""
 
 RAW_RMW = "rmw_fastrtps_cpp"
 """The middleware whose type support is built at run time here; the default of ROS 2 Jazzy."""

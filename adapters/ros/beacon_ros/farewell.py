@@ -43,11 +43,12 @@ def _say_all(publisher: int, payloads: Iterable[bytes], deadline: float) -> bool
     get_handle = c.CDLL("librcl.so").rcl_publisher_get_rmw_handle
     get_handle.restype, get_handle.argtypes = c.c_void_p, [c.c_void_p]
     handle = get_handle(publisher)
+    if not handle:
+        return False
     for payload in payloads:
-        if time.monotonic() > deadline:
-            return False
         message = _Message(payload, len(payload), len(payload))
-        if rmw.rmw_publish_serialized_message(handle, c.addressof(message), None):
+        failed = rmw.rmw_publish_serialized_message(handle, c.addressof(message), None)
+        if failed or time.monotonic() > deadline:
             return False
     left_ns = max(0, round((deadline - time.monotonic()) * 1e9))
     left = _Duration(*divmod(left_ns, 1_000_000_000))

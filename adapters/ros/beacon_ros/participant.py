@@ -18,6 +18,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 
 from beacon_core.errors import ConfigError, UsageError
+from beacon_ros.environment import MAX_DOMAIN
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -107,10 +108,13 @@ def _release(shared: _Shared) -> None:
 
 
 def _new_context(domain_id: int | None) -> Context:
+    named = "ROS_DOMAIN_ID" if domain_id is None else "domain_id"
     context = Context()
     try:
         context.init(args=[], initialize_logging=False, domain_id=domain_id)
     except Exception as error:  # RCLError, which is not a public name
-        named = f"domain_id: {domain_id}" if domain_id is not None else "the ROS environment"
         raise ConfigError(f"{named}: ROS refuses it: {error}") from error
+    # Fast DDS ends the whole process for such a domain.
+    if (found := context.get_domain_id()) > MAX_DOMAIN:
+        raise ConfigError(f"{named}: {found} is no domain; write 0 to {MAX_DOMAIN}")
     return context

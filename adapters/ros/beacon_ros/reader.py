@@ -16,6 +16,7 @@ from rclpy.event_handler import QoSSubscriptionEventType
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.type_support import check_for_type_support
 
 from beacon_ros.taking import taker
 from beacon_ros.waiter import Event, Waiter
@@ -52,6 +53,7 @@ class Reader(Waiter):
     def __init__(
         self, node: Node, message_type: type[Any], topic: str, qos: QoSProfile, owner: ReaderOwner
     ) -> None:
+        check_for_type_support(message_type)
         with node.handle:
             subscription = _rclpy.Subscription(
                 node.handle,

@@ -105,10 +105,12 @@ class Waiter:
         self._on_end("" if self._closing else error)
 
     def _explained(self, failure: Exception) -> str:
-        if self._context_ended or not self._context.ok():
+        if self._context_ended:
             return CONTEXT_ENDED
         if isinstance(failure, InvalidHandle):
             return NODE_ENDED
+        if not self._context.ok():
+            return CONTEXT_ENDED
         if not self._closing:
             _log.exception("a thread of the ROS adapter ended")
         return f"reading ended: {failure}"

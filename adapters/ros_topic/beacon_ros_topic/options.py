@@ -8,6 +8,7 @@ from typing import Any, Literal
 import attrs
 
 from beacon_core.errors import ConfigError
+from beacon_ros.environment import MAX_DOMAIN
 
 __all__ = ["DEFAULT_TOPIC", "Durability", "Reliability", "RosTopicOptions"]
 
@@ -16,9 +17,6 @@ DEFAULT_TOPIC = "/ros2_medkit/discovery"
 
 Reliability = Literal["reliable", "best_effort"]
 Durability = Literal["volatile", "transient_local"]
-
-_MAX_DOMAIN = 232
-"""Above, the ports that DDS computes from the domain do not exist."""
 
 _TOPIC = re.compile(r"(?=.{1,247}$)(/[A-Za-z_][A-Za-z0-9_]*)+")
 """ROS takes 247 characters at most."""
@@ -60,7 +58,7 @@ class RosTopicOptions:
 
     topic: str = attrs.field(default=DEFAULT_TOPIC, validator=_topic)
     domain_id: int | None = attrs.field(
-        default=None, validator=attrs.validators.optional(_whole(0, _MAX_DOMAIN))
+        default=None, validator=attrs.validators.optional(_whole(0, MAX_DOMAIN))
     )
     """``None``: that of the environment, ``ROS_DOMAIN_ID``."""
     reliability: Reliability = attrs.field(
