@@ -14,7 +14,7 @@ from beacon_core.errors import ConfigError, UsageError
 from beacon_core.hint import BeaconHint
 from beacon_core.ports.health import Condition, Health
 from beacon_core.validator import is_valid_id
-from beacon_ros.participant import OwnNode
+from beacon_ros.participant import NO_FORK, OwnNode
 from beacon_ros.spinner import Spinner
 from beacon_ros_param.answers import AnsweringNode
 from beacon_ros_param.declared import Declared
@@ -77,7 +77,7 @@ class RosParamAnnouncer:
                 "write 1 to 256 letters, digits, '_' or '-'"
             )
         if self._pid != os.getpid():
-            raise UsageError("announce: made before a fork; make an announcer in the child")
+            raise UsageError(f"announce: made before a fork; {NO_FORK}")
         with self._lock:
             if self._closed:
                 raise UsageError("announce: this announcer is closed; make a new one")
@@ -101,7 +101,7 @@ class RosParamAnnouncer:
 
     def close(self) -> None:
         if self._pid != os.getpid():
-            return
+            return  # before the lock: the fork may have left it held for ever
         deadline = time.monotonic() + _CLOSE_WITHIN_S
         with self._lock:
             if self._closed:

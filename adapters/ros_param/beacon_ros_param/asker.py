@@ -15,8 +15,10 @@ changed, or gone and come back: nobody will know.
 
 * a hint that is gone from an answer, or is about somebody else: goodbye;
 * a node that does not answer: nothing. It may be busy; its time to live speaks;
-* a node that has left: loss. Unless it took its hint back before, which an event may tell while
-  it is too late to ask: then that was a goodbye.
+* a node that has left: loss.
+
+An event may tell that a node takes its hint back, and then it is asked, to be sure. If it does not
+answer any more, or has left, that was its goodbye.
 
 Here is no ROS, no thread and no clock: whoever owns this hands in the graph, events and the time.
 """
@@ -33,7 +35,7 @@ from beacon_core.outcome import Outcome
 from beacon_core.poller import PollPlan
 from beacon_core.ports.sink import HintSink
 from beacon_core.token_bucket import TokenBucket
-from beacon_ros_param.clients import ClientFactory, Done, Drop, NodeClient
+from beacon_ros_param.asking import ClientFactory, Done, Drop, NodeClient
 from beacon_ros_param.options import RosParamOptions
 from beacon_ros_param.parameters import MAX_PARAMETERS, is_ours
 from beacon_ros_param.target import Poll, Target
@@ -165,7 +167,7 @@ class Asker:
             if target.poll is poll:
                 then(target, poll, answer, now_ns)
         for name in self._plan.overdue(now_ns):
-            self._give_up(name)
+            self._give_up(name, now_ns)
         for name in self._plan.forgotten(now_ns):
             if name in self._kept:
                 self._kept.pop(name).close()
@@ -341,13 +343,16 @@ class Asker:
 
     def _fail(self, target: Target, now_ns: int) -> None:
         self._plan.failed(target.name, now_ns)
-        self._give_up(target.name)
+        self._give_up(target.name, now_ns)
 
-    def _give_up(self, name: str) -> None:
+    def _give_up(self, name: str, now_ns: int) -> None:
         target = self._targets.get(name)
-        if target is not None and target.poll is not None:
-            target.proven, target.silent = False, True
-            self._end_poll(target)
+        if target is None or target.poll is None:
+            return
+        target.proven, target.silent = False, True
+        self._end_poll(target)
+        if target.told_id and target.left_ns:
+            self._say_goodbye(target, now_ns)
 
     @staticmethod
     def _end_poll(target: Target) -> None:

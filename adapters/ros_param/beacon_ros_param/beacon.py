@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import threading
 
 from rclpy.clock import Clock
@@ -13,6 +14,7 @@ from rclpy.timer import Timer
 from beacon_core.errors import UsageError
 from beacon_core.hint import BeaconHint
 from beacon_core.validator import is_valid_id
+from beacon_ros.participant import NO_FORK
 from beacon_ros.process import identified
 from beacon_ros_param.declared import Declared
 
@@ -52,14 +54,18 @@ class ParamBeacon:
         self._lock = threading.RLock()
         self._hint: BeaconHint | None = _checked(hint)
         self._closed = False
+        self._pid = os.getpid()
         self._in_turn()
 
     def update(self, hint: BeaconHint) -> None:
         """Say this instead; what the new hint does not give is no longer said.
 
-        Raises ``UsageError`` as :func:`declare_beacon` does, and after ``close``.
+        Raises ``UsageError`` as :func:`declare_beacon` does, after ``close``, and in a forked
+        child.
         """
         hint = _checked(hint)
+        if self._pid != os.getpid():
+            raise UsageError(f"update: made before a fork; {NO_FORK}")
         with self._lock:
             if self._closed:
                 raise UsageError("update: this beacon is closed; declare a new one")
@@ -67,11 +73,14 @@ class ParamBeacon:
         self._in_turn()
 
     def close(self) -> None:
-        """Take the hint back, which is a goodbye, and undeclare its parameters. Idempotent.
+        """Take the hint back, which is a goodbye, and undeclare its parameters. Idempotent, and in
+        a forked child it does nothing.
 
-        A gateway that listens to parameter events hears it at once, another one at its next poll:
-        so, where it matters, let the node live for that long.
+        A gateway that listens to parameter events hears it at once, also if the node is destroyed
+        right after, and if ROS was shut down before; another one at its next poll.
         """
+        if self._pid != os.getpid():
+            return
         with self._lock:
             if self._closed:
                 return

@@ -1,4 +1,4 @@
-"""Asking one node for its parameters: the port, and what is behind it in ROS.
+"""Asking nodes for their parameters by the services that ROS nodes have for that.
 
 The services' own client in rclpy makes six service clients per node, of which two are needed here;
 the others would cost 115 kB and a millisecond each.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -18,39 +18,17 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import qos_profile_parameters
 from rclpy.task import Future
 
+from beacon_ros_param.asking import Done, Drop, NodeClient
 from beacon_ros_param.parameters import PREFIX
 
-__all__ = ["ClientFactory", "Done", "Drop", "NodeClient", "RosClients"]
-
-Done = Callable[[Sequence[Any] | None], None]
-"""Called with the answer, or with ``None`` if there is none to be had. From any thread."""
-
-Drop = Callable[[], None]
-"""Says that the answer is not wanted any more. It may still come if it is just arriving."""
-
-
-class NodeClient(Protocol):
-    """Asks one node. Thread rule: one thread; nothing waits for the network."""
-
-    def ready(self) -> bool:
-        """Is there somebody to answer? A question asked earlier would never be answered."""
-
-    def list_names(self, done: Done) -> Drop:
-        """Ask for the names of the parameters that belong to a hint; the answer may hold others."""
-
-    def get_values(self, names: Sequence[str], done: Done) -> Drop:
-        """Ask for the values of these. One that has none makes some nodes answer without any."""
-
-    def close(self) -> None:
-        """Give up what it took to ask."""
-
-
-ClientFactory = Callable[[str], NodeClient]
-"""From a node's full name; may raise whatever for a name that no node can have."""
+__all__ = ["RosClients"]
 
 
 class RosClients:
-    """The :data:`ClientFactory` of a ROS node, which must be spun. Thread rule: as the client's."""
+    """A :data:`.asking.ClientFactory`: asks by a ROS node, which must be spun.
+
+    Thread rule: as the client's.
+    """
 
     def __init__(self, node: Node) -> None:
         self._node = node

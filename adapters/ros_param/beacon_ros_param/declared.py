@@ -5,15 +5,21 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 
+from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
 
 from beacon_core.hint import BeaconHint
+from beacon_ros.farewell import say_last
+from beacon_ros_param.events import EVENTS_TOPIC
 from beacon_ros_param.parameters import ENTITY_ID, Value, write
 
 __all__ = ["Declared"]
 
 _log = logging.getLogger(__name__)
+
+_FAREWELL_WITHIN_S = 0.4
 
 
 class Declared:
@@ -49,8 +55,13 @@ class Declared:
 
         Emptied, not deleted, because rclpy tells everybody of a change, and nobody of a deletion.
         """
-        if self._said and self._node.has_parameter(ENTITY_ID):
-            self._set([Parameter(ENTITY_ID, value="")])
+        if not (self._said and self._node.has_parameter(ENTITY_ID)):
+            return
+        emptied = Parameter(ENTITY_ID, value="")
+        if self._node.context.ok():
+            self._set([emptied])
+        else:
+            self._tell_after_shutdown(emptied)
 
     def withdraw(self) -> None:
         """Take the hint back, and undeclare everything."""
@@ -64,6 +75,15 @@ class Declared:
         if not result.successful:
             name = self._node.get_fully_qualified_name()
             _log.warning("%s: its own callback refuses the hint: %s", name, result.reason)
+
+    def _tell_after_shutdown(self, parameter: Parameter) -> None:
+        event = ParameterEvent(
+            node=self._node.get_fully_qualified_name(),
+            changed_parameters=[parameter.to_parameter_msg()],
+        )
+        for publisher in self._node.publishers:
+            if publisher.topic_name == EVENTS_TOPIC:
+                say_last(publisher, [serialize_message(event)], _FAREWELL_WITHIN_S)
 
     def _undeclare(self, name: str) -> None:
         if self._node.has_parameter(name):

@@ -34,7 +34,7 @@ class RosParamHarness(RealTimeHarness):
         raw_payloads=False,  # parameters have types
         nul_in_text=False,
     )
-    patience_s = 30.0  # 400 nodes are created, and found, in one process
+    patience_s = 60.0  # 400 nodes are created, and found, in one process
     bad_options: Sequence[Mapping[str, Any]] = (
         {"domain_id": -1},
         {"domain_id": 233},

@@ -49,7 +49,8 @@ def is_ours(name: str) -> bool:
 
 
 def read(parameters: Mapping[str, object]) -> Reading:
-    """The hint in a node's parameters, given by their full names; others are ignored.
+    """The hint in a node's parameters, given by their full names; others are ignored, and so are
+    those without a value (``None``).
 
     Never raises, whatever the values. Ids and lengths are the validator's business.
     """
@@ -57,7 +58,7 @@ def read(parameters: Mapping[str, object]) -> Reading:
     metadata: dict[str, str] = {}
     skipped = []
     for name, value in parameters.items():
-        if not is_ours(name):
+        if not is_ours(name) or value is None:
             continue
         field, _, key = name[len(_BEGINNING) :].partition(".")
         complaint = _complaint(field, key, value)

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 import attrs
 
 from beacon_core.wire import json
-from beacon_ros_param.clients import Drop, NodeClient
+from beacon_ros_param.asking import Drop, NodeClient
 from beacon_ros_param.parameters import read
 
 __all__ = ["Poll", "Target"]
