@@ -82,6 +82,8 @@ class SessionKeeper:
         self.config = config
         self.reopened = 0
         """Sessions that were found dead and replaced."""
+        self.renewed = 0
+        """Sessions that were replaced because somebody asked for it."""
         self._declare = declare
         self._step = step
         self._farewell = farewell
@@ -94,6 +96,7 @@ class SessionKeeper:
         self._orderly = True
         self._session: zenoh.Session | None = None
         self._links: set[str] = set()
+        self._renewing = False
         self._was_up = False
         self._linked_at = time.monotonic()
         self._retry_s = _RETRY_FIRST_S
@@ -123,6 +126,15 @@ class SessionKeeper:
 
     def wake(self) -> None:
         """Let ``step`` be called soon."""
+        self._woken.set()
+
+    def renew(self) -> None:
+        """Let another session take the place of this one soon, if it can be opened.
+
+        The new one is declared on before the old one is closed, so nothing is missed, and what is
+        said meanwhile may come twice.
+        """
+        self._renewing = True
         self._woken.set()
 
     @property
@@ -180,6 +192,8 @@ class SessionKeeper:
         while not self._closing:
             if self._session is None and time.monotonic() >= self._retry_at:
                 self._open()
+            if self._renewing:
+                self._renew()
             pause = self._guarded_step()
             self._woken.wait(self._limited(pause))
             self._woken.clear()
@@ -221,6 +235,16 @@ class SessionKeeper:
         level = logging.DEBUG if what in self._reported else logging.ERROR
         self._reported.add(what)
         _log.log(level, "%s failed", what, exc_info=True)
+
+    def _renew(self) -> None:
+        self._renewing = False
+        old = self._session
+        if old is None:
+            return
+        self._open()
+        if self._session is not old:
+            self.renewed += 1
+            _close(old)
 
     def _prepare(self, session: zenoh.Session) -> set[str]:
         """Returns the session's own set of links: what an old one still reports is no news."""

@@ -37,6 +37,11 @@ _DIGITS = 10
 """What has more digits is more than there may be."""
 
 
+_Beside = tuple[bytes, zenoh.Timestamp]
+"""Attachment and Zenoh's stamp. By the stamp a subscriber knows what it is told a second time: it
+asks once when it begins, and once when it detects us."""
+
+
 @attrs.define(eq=False)
 class _Stand:
     """From where is spoken in one domain: a node with a publisher, on the present session."""
@@ -47,16 +52,20 @@ class _Stand:
     tokens: list[zenoh.LivelinessToken] = attrs.field(factory=list)
     """They live as long as somebody holds them."""
     sequence: int = 0
-    last: dict[str, bytes] = attrs.field(factory=dict)
+    last: dict[str, _Beside] = attrs.field(factory=dict)
     """What stood beside the last word about each entity, the latest at the end."""
 
-    def envelope(self, entity_id: str) -> bytes:
-        """What stands beside the next word about it."""
+    def say(self, session: zenoh.Session, entity_id: str, payload: bytes | None) -> None:
+        """Say a hint, or (``None``) a goodbye."""
         self.sequence += 1
-        written = attachment.encode(self.gid, self.sequence, time.time_ns())
+        beside = attachment.encode(self.gid, self.sequence, time.time_ns())
+        stamp = session.new_timestamp()
         self.last.pop(entity_id, None)
-        self.last[entity_id] = written
-        return written
+        if payload is not None:
+            self.last[entity_id] = beside, stamp
+        else:
+            payload = farewell(entity_id)
+        self.publisher.put(payload, attachment=beside, timestamp=stamp)
 
 
 class RmwTopicAnnouncer(Spokesman[Voice]):
@@ -104,14 +113,10 @@ class RmwTopicAnnouncer(Spokesman[Voice]):
         stand.tokens = [declare(one) for one in (token_key(node), token, kept)]
         return stand
 
-    def _say(self, session: zenoh.Session, words: Sequence[Word]) -> None:  # noqa: ARG002
+    def _say(self, session: zenoh.Session, words: Sequence[Word]) -> None:
         for stand in self._stands:
             for entity_id, payload in words:
-                beside = stand.envelope(entity_id)
-                if payload is None:
-                    del stand.last[entity_id]
-                    payload = farewell(entity_id)  # noqa: PLW2901
-                stand.publisher.put(payload, attachment=beside)
+                stand.say(session, entity_id, payload)
 
     def _answer(self) -> None:
         while self._questions:
@@ -126,10 +131,10 @@ class RmwTopicAnnouncer(Spokesman[Voice]):
     def _tell(self, stand: _Stand, query: zenoh.Query) -> None:
         """Say the present hints again, to whoever asks, with the numbers that they had."""
         entities = list(stand.last.items())
-        for entity_id, beside in entities[-_at_most(query) :]:
+        for entity_id, (beside, stamp) in entities[-_at_most(query) :]:
             voice = self._voices.get(entity_id)
             if voice is not None:
-                query.reply(stand.topic_key, voice.payload, attachment=beside)
+                query.reply(stand.topic_key, voice.payload, attachment=beside, timestamp=stamp)
 
     # -- in a receiving thread of Zenoh's --------------------------------------------------------
 

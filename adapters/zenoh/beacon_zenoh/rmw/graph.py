@@ -57,6 +57,10 @@ class Graph:
         """How many members there are."""
         return len(self._members)
 
+    def __contains__(self, key: str) -> bool:
+        """Is there a member with this token?"""
+        return key in self._members
+
     def appeared(self, key: str) -> Member | None:
         """A token came. Returns whose it is, if that is news."""
         with self._lock:

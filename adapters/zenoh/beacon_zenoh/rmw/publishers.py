@@ -86,6 +86,10 @@ class Publishers:
         """How many have a token."""
         return len(self._tokens)
 
+    def __contains__(self, token: bytes) -> bool:
+        """Has somebody the token with this GID?"""
+        return token in self._tokens
+
     def member(self, token: bytes) -> Member | None:
         """Who has the token with this GID."""
         return self._tokens.get(token)
