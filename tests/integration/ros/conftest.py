@@ -28,6 +28,9 @@ NODES = Path(__file__).with_name("nodes")
 DEADLINE_S = 30.0
 """Discovery takes 0.1 s or 1.5 to 3 s, and on a busy machine a process takes seconds to start."""
 
+_PATIENCE_S = 5.0
+"""For processes that are no longer needed."""
+
 _SHOWN = 8000
 """Of what a process said, so many characters from the end."""
 
@@ -59,9 +62,12 @@ class Child:
         self.process.send_signal(number)
 
     def said(self) -> list[dict[str, Any]]:
-        """What it has written to stdout so far, of lines of JSON."""
-        whole, newline, _ = self.out.read_text("utf-8").rpartition("\n")
-        return [json.loads(line) for line in whole.splitlines()] if newline else []
+        """The lines of JSON that it has written to stdout so far.
+
+        Fast DDS writes there too: processes that start together contend for its shared memory.
+        """
+        whole, _, _ = self.out.read_text("utf-8", "replace").rpartition("\n")
+        return [json.loads(line) for line in whole.splitlines() if line.startswith("{")]
 
     def ends(self, within_s: float = DEADLINE_S) -> int:
         """Wait for its end; returns the exit code."""
@@ -106,7 +112,15 @@ class Children:
         return self.start(sys.executable, "-m", "beacon_gateway", *arguments, env=env)
 
     def end_all(self) -> None:
-        """Also those that are stopped."""
+        """Ask them to end, also those that are stopped; who was killed leaves files behind."""
+        running = [child for child in self.started if child.process.poll() is None]
+        for child in running:
+            child.signal(signal.SIGTERM)
+            child.signal(signal.SIGCONT)
+        deadline = time.monotonic() + _PATIENCE_S
+        for child in running:
+            with suppress(subprocess.TimeoutExpired):
+                child.process.wait(max(0.0, deadline - time.monotonic()))
         for child in self.started:
             with suppress(ProcessLookupError):
                 os.killpg(child.pid, signal.SIGKILL)
@@ -170,7 +184,7 @@ def domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
 
 @pytest.fixture
 def children(tmp_path: Path, domain: int) -> Iterator[Children]:
-    """Its processes are killed at the end, whatever state they are in."""
+    """Its processes have ended with the test, whatever state they were in."""
     made = Children(tmp_path)
     yield made
     made.end_all()
