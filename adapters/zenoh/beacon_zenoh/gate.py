@@ -34,8 +34,9 @@ class Gate:
         self._inside = 0  # the thread that is in a call
 
     def lead_to(self, sink: HintSink) -> None:
-        """Say where it leads, before anything is let through."""
-        self._sink = sink
+        """Say where it leads, before anything is let through. Only the first call counts."""
+        if self._sink is None:
+            self._sink = sink
 
     def let(self, call: Callable[[HintSink], _R]) -> _R | None:
         """Make the call. ``None`` if the gate is shut, or leads nowhere yet, or the sink raised."""

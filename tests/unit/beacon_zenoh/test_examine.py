@@ -16,7 +16,7 @@ import zenoh
 from beacon_core.hint import BeaconHint
 from beacon_core.ports.examination import Finding, Level
 from beacon_zenoh import ADAPTER, TlsOptions, ZenohOptions
-from beacon_zenoh import examine as module
+from beacon_zenoh import visit as module
 from beacon_zenoh.announcer import ZenohAnnouncer
 from beacon_zenoh.config import session_config
 from beacon_zenoh.examine import examine

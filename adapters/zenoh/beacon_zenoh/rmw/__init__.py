@@ -6,9 +6,12 @@ See docs/adapters/zenoh_rmw.md.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from beacon_core.errors import ConfigError
 from beacon_core.ports.adapter import Adapter
 from beacon_core.ports.announcer import Announcer
+from beacon_core.ports.examination import Finding
 from beacon_core.ports.source import HintSource
 from beacon_core.wire import cdr
 from beacon_zenoh.rmw.options import RmwOptions
@@ -30,6 +33,13 @@ def _announcer(options: RmwOptions, period_s: float | None) -> Announcer:
     return RmwTopicAnnouncer(options, period_s)
 
 
+def _examine(options: RmwOptions, seconds: float) -> Iterable[Finding]:
+    _need_zenoh()
+    from beacon_zenoh.rmw.examine import examine  # noqa: PLC0415 - the same
+
+    return examine(options, seconds)
+
+
 def _need_zenoh() -> None:
     try:
         import xxhash  # noqa: F401, PLC0415 - to see whether it is there
@@ -47,5 +57,7 @@ ADAPTER = Adapter(
     decode=cdr.decode,
     source=_source,
     announcer=_announcer,
+    vendor_endpoint="x-medkit-topic-beacon",
+    examine=_examine,
 )
 """Chosen in a configuration as ``zenoh_rmw``."""
