@@ -118,7 +118,11 @@ class RosTopicSource:
         except Exception as error:  # RCLError, which is not a public name
             if self._own is not None:
                 self._own.close()
-            raise ConfigError(f"topic: ROS refuses {options.topic!r}: {error}") from error
+            # Its own words are "invalid allocator" for the most likely reason.
+            raise ConfigError(
+                f"topic: ROS refuses {options.topic!r}: {error}; "
+                "does this program have a topic of that name with another type?"
+            ) from error
 
     # -- in the reader's thread ------------------------------------------------------------------
 
