@@ -13,6 +13,7 @@ from typing import Any
 from beacon_core.errors import ConfigError
 from beacon_gateway import __version__
 from beacon_gateway.console.exits import EXIT_CODES, Exit, Fault
+from beacon_gateway.console.streams import keep_stdout_for_data
 
 __all__ = ["COMMANDS", "main"]
 
@@ -30,6 +31,8 @@ COMMANDS: Mapping[str, str] = {
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run ``beacon``; returns the exit code. ``argv`` is without the program's name."""
+    if argv is None:
+        keep_stdout_for_data()
     for stream in (sys.stdout, sys.stderr):
         # What robots say may not exist in the terminal's character set.
         getattr(stream, "reconfigure", _nothing)(errors="backslashreplace")

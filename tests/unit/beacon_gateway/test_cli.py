@@ -171,3 +171,21 @@ def test_the_module_can_be_run() -> None:
         check=True,
     )
     assert done.stdout == f"beacon {__version__}\n"
+
+
+def test_what_native_libraries_write_to_stdout_is_kept_apart_from_the_data() -> None:
+    program = (
+        "import os\n"
+        "from beacon_gateway.console.streams import keep_stdout_for_data\n"
+        "keep_stdout_for_data()\n"
+        "os.write(1, b'a native complaint')\n"
+        "print('data \u00e9')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        check=True,
+        env={**os.environ, "PYTHONIOENCODING": "utf-8"},
+    )
+    assert done.stdout.decode() == "data \u00e9\n"
+    assert b"a native complaint" in done.stderr
