@@ -36,8 +36,8 @@ from zenoh_throughput import Callbacks
 
 PUBLISHERS = 100
 AT_MOST = {"unchanged": 15.0, "changed": None}
-"""Twice what a hint of the native dialect may cost: each of these has a stamp, which the intake must
-weigh. Of a changed hint nearly all is the decoder, the validator and the store: see bench/intake.py."""
+"""Twice what a hint of the native dialect may cost: each of these has a stamp, and the intake must
+weigh it. Of a changed one nearly all is decoder, validator and store: see bench/intake.py."""
 
 HINTS = every_hash(0, RmwOptions().topic, TYPE_NAME)
 
