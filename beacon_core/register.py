@@ -232,8 +232,8 @@ class Register:
     def _note_who_has_gone(self, record: Record, before: Runs) -> None:
         """``before``: who spoke under the id until now, of whom some may still be there."""
         present = {incarnation for incarnation, _ in _runs(record)}
-        runs = noted(record.runs, [run for run in before if run[0] not in present])
-        record.runs = tuple(run for run in runs if run[0] not in present)
+        known = tuple(run for run in record.runs if run[0] not in present)
+        record.runs = noted(known, [run for run in before if run[0] not in present])
 
     def _changed(self, record: Record) -> None:
         self.revision += 1

@@ -192,6 +192,11 @@ def test_of_who_speaks_no_more_the_last_number_is_noted_and_of_who_does_nothing(
     assert noted() == {"i": 6, "j": 1, "k": 1}
     book.count(record, run("i", 9))
     assert noted() == {"j": 1, "k": 1, "l": 1}
+    # Whoever is back makes room before the others are counted.
+    book.count(record, run("m", 1))
+    assert noted() == {"j": 1, "k": 1, "l": 1, "i": 9}
+    book.count(record, run("k", 2))
+    assert noted() == {"j": 1, "l": 1, "i": 9, "m": 1}
 
 
 def test_setting_no_rivals_where_there_are_none_changes_nothing(book: Register) -> None:
