@@ -12,6 +12,7 @@ from beacon_core.hint import BeaconHint
 __all__ = [
     "DEFAULT_LIMITS",
     "HINT_OVERHEAD_BYTES",
+    "LIST_ENTRY_BYTES",
     "MAX_CLAIMS",
     "MAX_FORMER_RUNS",
     "MAX_HINTS",
@@ -28,6 +29,7 @@ __all__ = [
     "MAX_SOURCES",
     "MAX_SOURCE_NAME",
     "MAX_STORE_BYTES",
+    "METADATA_ENTRY_BYTES",
     "HintLimits",
     "hint_bytes",
 ]
@@ -62,11 +64,19 @@ MAX_HINTS = 10_000
 """Entities per store. The default of ros2_medkit."""
 
 MAX_STORE_BYTES = 64 * 1024 * 1024
-"""All hints of a store together. 10,000 hints at their limits would take 1.07 GiB; an honest
-fleet of 10,000 takes about 15 MB, so this is four times what is needed."""
+"""All hints of a store together. 10,000 hints at their limits would take 1.2 GiB; an honest fleet
+of 10,000 is counted as 15 MB, so this is four times what is needed."""
 
-HINT_OVERHEAD_BYTES = 700
-"""What a stored hint costs besides its text (measured: bench/store.py)."""
+HINT_OVERHEAD_BYTES = 750
+"""What a stored hint costs besides its text and its entries: 580 if it says nothing but its id, 950
+if it fills all its single fields with words of its own (measured as test_limits.py does)."""
+
+LIST_ENTRY_BYTES = 60
+"""What an id in a list costs besides its text (measured with 200 short ones). Counted as if no two
+hints had any in common, though most have: what a stranger sends need not."""
+
+METADATA_ENTRY_BYTES = 130
+"""The same for a key and its value (measured with 50 short ones)."""
 
 MAX_CLAIMS = 4
 """Rival claims kept per entity. Two make a conflict; more tell no one anything new."""
@@ -112,12 +122,20 @@ MAX_LOG_CHARS = 120
 
 
 def hint_bytes(hint: BeaconHint, text_bytes: int = 0) -> int:
-    """What one hint is accounted for in the byte cap: its text in bytes, and a fixed overhead.
+    """What one hint is accounted for in the byte cap: about the memory it holds.
 
-    ``text_bytes`` spares the counting where that was done before.
+    Its text in bytes, and an overhead for the hint and for each of its entries. ``text_bytes``
+    spares the counting of the text where that was done before.
     """
-    if text_bytes:
-        return HINT_OVERHEAD_BYTES + text_bytes
+    overhead = (
+        HINT_OVERHEAD_BYTES
+        + (len(hint.function_ids) + len(hint.depends_on)) * LIST_ENTRY_BYTES
+        + len(hint.metadata) * METADATA_ENTRY_BYTES
+    )
+    return overhead + (text_bytes or _text_bytes(hint))
+
+
+def _text_bytes(hint: BeaconHint) -> int:
     text = "".join(
         (
             hint.entity_id,
@@ -135,5 +153,4 @@ def hint_bytes(hint: BeaconHint, text_bytes: int = 0) -> int:
         )
     )
     # Not every hint in a store has been validated, so lone surrogates count as what they take.
-    size = len(text) if text.isascii() else len(text.encode("utf-8", "surrogatepass"))
-    return HINT_OVERHEAD_BYTES + size
+    return len(text) if text.isascii() else len(text.encode("utf-8", "surrogatepass"))

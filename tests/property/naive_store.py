@@ -18,7 +18,8 @@ Step = tuple[int, str, str, str]
 """When, to which status, by which cause, with which detail."""
 Picture = tuple[Any, ...]
 
-OVERHEAD_BYTES = 700
+OVERHEAD_BYTES = 750
+ID_BYTES, METADATA_BYTES = 60, 130
 MAX_CLAIMS = 4
 MAX_FORMER_RUNS = 4
 MAX_HISTORY = 16
@@ -481,7 +482,9 @@ def hint_bytes(hint: Hint) -> int:
     texts += [*hint["function_ids"], *hint["depends_on"]]
     for key, value in hint["metadata"].items():
         texts += [key, value]
-    return OVERHEAD_BYTES + sum(len(text.encode()) for text in texts)
+    ids = len(hint["function_ids"]) + len(hint["depends_on"])
+    entries = ids * ID_BYTES + len(hint["metadata"]) * METADATA_BYTES
+    return OVERHEAD_BYTES + entries + sum(len(text.encode()) for text in texts)
 
 
 def first(voices: Any) -> Voice | None:

@@ -2,22 +2,33 @@
 
 from __future__ import annotations
 
+import gc
 import json
+import tracemalloc
+from collections.abc import Callable, Iterable
+from unittest.mock import patch
 
 import attrs
 import pytest
 
 from beacon_core import limits
-from beacon_core.hint import BeaconHint
+from beacon_core.clock import ManualClock
+from beacon_core.hint import Announcement, BeaconHint
 from beacon_core.limits import (
     DEFAULT_LIMITS,
     HINT_OVERHEAD_BYTES,
+    LIST_ENTRY_BYTES,
     MAX_HINTS,
     MAX_PAYLOAD_BYTES,
     MAX_STORE_BYTES,
+    METADATA_ENTRY_BYTES,
     HintLimits,
     hint_bytes,
 )
+from beacon_core.outcome import Verdict
+from beacon_core.store import HintStore
+from beacon_core.testing.examples import bench_hint
+from beacon_core.wire import json as wire_json
 
 FULL = BeaconHint(
     entity_id="x" * 256,
@@ -80,7 +91,8 @@ def test_every_string_has_its_weight(field: str) -> None:
 
 def test_every_entry_of_a_list_and_of_the_metadata_has_its_weight() -> None:
     hint = BeaconHint("", function_ids=("1", "22"), depends_on=("333",), metadata={"4444": "55555"})
-    assert hint_bytes(hint) == HINT_OVERHEAD_BYTES + 1 + 2 + 3 + 4 + 5
+    entries = 3 * LIST_ENTRY_BYTES + METADATA_ENTRY_BYTES
+    assert hint_bytes(hint) == HINT_OVERHEAD_BYTES + entries + 1 + 2 + 3 + 4 + 5
 
 
 def test_weight_is_in_bytes_of_utf8_not_in_characters() -> None:
@@ -94,8 +106,100 @@ def test_a_hint_that_nobody_has_validated_can_be_weighed_too() -> None:
 
 
 def test_the_largest_hint_weighs_what_is_said_of_it() -> None:
-    assert 105_000 < hint_bytes(FULL) < 112_000
+    assert 1.1 < hint_bytes(FULL) * MAX_HINTS / 2**30 < 1.25
 
 
-def test_text_that_was_counted_before_is_not_counted_again() -> None:
+def test_text_that_was_counted_before_is_not_counted_again_but_entries_are() -> None:
     assert hint_bytes(BeaconHint("abc"), 7) == HINT_OVERHEAD_BYTES + 7
+    listing = BeaconHint("abc", function_ids=("a",), metadata={"b": "c"})
+    entries = LIST_ENTRY_BYTES + METADATA_ENTRY_BYTES
+    assert hint_bytes(listing, 7) == HINT_OVERHEAD_BYTES + entries + 7
+
+
+# -- against what it takes -----------------------------------------------------------------------
+
+
+def own_ids(number: int, count: int, letter: str) -> tuple[str, ...]:
+    return tuple(f"{letter}{number:04}_{place:02}" for place in range(count))
+
+
+def own_metadata(number: int, count: int) -> dict[str, str]:
+    keys, values = own_ids(number, count, "k"), own_ids(number, count, "v")
+    return dict(zip(keys, values, strict=True))
+
+
+def talkative(number: int) -> BeaconHint:
+    """Short words of its own in each single field."""
+    words = own_ids(number, 7, "w")
+    stable_id, name, component, transport, form, process, host = words
+    return BeaconHint(
+        f"e{number:04}",
+        stable_id=stable_id,
+        display_name=name,
+        component_id=component,
+        transport_type=transport,
+        negotiated_format=form,
+        process_id=1000 + number,
+        process_name=process,
+        hostname=host,
+    )
+
+
+UNLIKE_ANY_OTHER: dict[str, tuple[float, Callable[[int], BeaconHint]]] = {
+    "single fields": (1.35, talkative),
+    "10 ids": (1.35, lambda n: BeaconHint(f"e{n:04}", function_ids=own_ids(n, 10, "f"))),
+    "2 entries": (1.35, lambda n: BeaconHint(f"e{n:04}", metadata=own_metadata(n, 2))),
+    "50 entries": (1.2, lambda n: BeaconHint(f"e{n:04}", metadata=own_metadata(n, 50))),
+    "200 ids": (
+        1.2,
+        lambda n: BeaconHint(
+            f"e{n:04}", function_ids=own_ids(n, 100, "f"), depends_on=own_ids(n, 100, "d")
+        ),
+    ),
+    "200 ids and 50 entries": (
+        1.2,
+        lambda n: BeaconHint(
+            f"e{n:04}",
+            function_ids=own_ids(n, 100, "f"),
+            depends_on=own_ids(n, 100, "d"),
+            metadata=own_metadata(n, 50),
+        ),
+    ),
+}
+"""By how much the count may be off, and the hint of a number."""
+
+
+def held_and_counted(hints: Iterable[BeaconHint]) -> tuple[int, int]:
+    """What a store holds when it has heard them all, and what it counts; in bytes."""
+    payloads = [wire_json.encode(hint) for hint in hints]
+    gc.collect()
+    tracemalloc.start()
+    try:
+        store = HintStore(ManualClock())
+        for payload in payloads:
+            announcement = wire_json.decode(payload)
+            assert isinstance(announcement, Announcement)
+            assert store.update(announcement.hint, source="s") is Verdict.NEW
+            del announcement
+        gc.collect()
+        return tracemalloc.get_traced_memory()[0], store.stats().bytes
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("kind", UNLIKE_ANY_OTHER)
+def test_a_hint_weighs_about_what_it_holds(kind: str) -> None:
+    off_by, make = UNLIKE_ANY_OTHER[kind]
+    # The pool of shared texts has a cap of its own.
+    with patch("beacon_core.register.MAX_POOLED", 1):
+        held, counted = held_and_counted(map(make, range(200)))
+    assert held / off_by <= counted <= held * off_by
+
+
+def test_hints_that_have_much_in_common_weigh_more_than_they_hold() -> None:
+    held, counted = held_and_counted(map(bench_hint, range(1000)))
+    assert held < counted
+
+
+def test_ten_thousand_usual_hints_take_a_quarter_of_a_store() -> None:
+    assert MAX_HINTS * hint_bytes(bench_hint(1)) < MAX_STORE_BYTES / 4 * 1.05

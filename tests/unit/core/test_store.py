@@ -21,7 +21,7 @@ from beacon_core.claims import Claimant
 from beacon_core.errors import ConfigError
 from beacon_core.hint import BeaconHint
 from beacon_core.lifecycle import Cause, Status, Transition
-from beacon_core.limits import HINT_OVERHEAD_BYTES, MAX_CLAIMS, hint_bytes
+from beacon_core.limits import MAX_CLAIMS, hint_bytes
 from beacon_core.outcome import Verdict
 from beacon_core.record import Record
 from beacon_core.stored import StoredHint
@@ -472,7 +472,7 @@ def test_words_that_were_counted_by_whoever_read_them_count_as_that_until_merged
     message = Claimant(attrs.evolve(BENCH_HINT, display_name="other"), "r", "", 0, house.now, 50)
     with house.store.lock:
         house.store.take(message)
-    assert house.store.stats().bytes == HINT_OVERHEAD_BYTES + 50
+    assert house.store.stats().bytes == hint_bytes(BENCH_HINT, 50)
     part = Claimant(BeaconHint(BENCH_HINT.entity_id, display_name="A"), "r", "", 0, house.now, 3)
     with house.store.lock:
         house.store.take(part)
