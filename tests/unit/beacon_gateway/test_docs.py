@@ -21,6 +21,7 @@ from beacon_ros_param import RosParamOptions
 from beacon_ros_topic import RosTopicOptions
 from beacon_zenoh import ZenohOptions
 from beacon_zenoh.options import TlsOptions
+from beacon_zenoh.rmw import RmwOptions
 
 if TYPE_CHECKING:
     from tests.unit.beacon_gateway.conftest import Plant
@@ -49,6 +50,7 @@ def blocks(document: str, language: str) -> list[str]:
         ZenohOptions,
         TlsOptions,
         FakeOptions,
+        RmwOptions,
         RosTopicOptions,
         RosParamOptions,
     ],

@@ -70,13 +70,15 @@ def _speaks(member: Member, options: RmwOptions) -> bool:
 
 def _domains(nodes: list[Member], options: RmwOptions) -> Iterator[Finding]:
     counts = Counter(one.domain for one in nodes)
+    # Somebody is there: then what else is missing may be meant so.
+    level = Level.NOTE if counts.keys() & set(options.ros_domain_ids) else Level.PROBLEM
     for domain in options.ros_domain_ids:
         names = {one.node_name for one in nodes if one.domain == domain}
         if names:
             yield Finding(Level.OK, f"in ROS domain {domain}: {listed(names)}")
         else:
             yield Finding(
-                Level.PROBLEM,
+                level,
                 f"no node is in ROS domain {domain}",
                 "the robots need RMW_IMPLEMENTATION=rmw_zenoh_cpp, "
                 f"ROS_DOMAIN_ID={domain}, and this router",
@@ -84,7 +86,7 @@ def _domains(nodes: list[Member], options: RmwOptions) -> Iterator[Finding]:
     for domain in sorted(counts.keys() - set(options.ros_domain_ids)):
         wanted = ", ".join(map(str, (*options.ros_domain_ids, domain)))
         yield Finding(
-            Level.NOTE if set(options.ros_domain_ids) & counts.keys() else Level.PROBLEM,
+            level,
             f"in ROS domain {domain}, which is not listened to: {_nodes(counts[domain])}",
             f"to hear them: ros_domain_ids: [{wanted}]",
         )

@@ -72,6 +72,12 @@ def test_a_domain_without_nodes(plant: Plant) -> None:
     assert "ROS_DOMAIN_ID=7" in finding.advice
 
 
+def test_one_of_several_domains_may_be_empty(plant: Plant) -> None:
+    plant.has(TALKER, HINTS)
+    findings = plant.findings(ros_domain_ids=(0, 7))
+    assert [one.level for one in findings] == [Level.OK, Level.NOTE, Level.OK]
+
+
 def test_gateways_are_no_robots(plant: Plant) -> None:
     plant.has(node_member(0, "cd", 0, "beacon_gateway_1234"))
     (finding,) = plant.findings()

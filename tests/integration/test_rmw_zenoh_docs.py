@@ -1,0 +1,50 @@
+"""docs/adapters/zenoh_rmw.md does what it says."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import attrs
+import pytest
+
+from beacon_core.lifecycle import Status
+from beacon_core.testing.harness import Listener
+from beacon_zenoh.rmw import RmwOptions
+from beacon_zenoh.rmw.harness import RmwHarness
+
+PAGE = (Path(__file__).parents[2] / "docs/adapters/zenoh_rmw.md").read_text("utf-8")
+
+
+@pytest.fixture
+def harness() -> Iterator[RmwHarness]:
+    made = RmwHarness()
+    yield made
+    made.close()
+
+
+def test_its_python_comes_and_leaves(harness: RmwHarness) -> None:
+    listener = Listener(harness).start()
+    blocks = re.findall(r"^```python\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
+    code = "".join(blocks).replace("tcp/127.0.0.1:7447", harness.endpoint)
+    done = subprocess.run(
+        [sys.executable, "-c", code], check=True, timeout=30, capture_output=True, text=True
+    )
+    assert harness.wait_until(lambda: listener.has("engine", Status.LEFT), 5.0)
+    assert done.stdout == "[]\n"
+
+
+def test_its_options_are_all_there_are() -> None:
+    table = PAGE.partition("## Options")[2].partition("With `namespaces`")[0]
+    named = set(re.findall(r"`(\w+)`", "".join(re.findall(r"^\| (.*?) \|", table, re.MULTILINE))))
+    assert named == {field.name for field in attrs.fields(RmwOptions)}
+
+
+def test_its_counters_are_all_there_are(harness: RmwHarness) -> None:
+    table = PAGE.partition("## When nothing shows")[2].partition("## How")[0]
+    cells = "".join(re.findall(r"^\| (.*?) \|", table, re.MULTILINE))
+    named = set(re.findall(r"`([\w-]+)`", cells))
+    assert named == set(harness.source().health().counters)
