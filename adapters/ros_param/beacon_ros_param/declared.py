@@ -29,6 +29,7 @@ class Declared:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._said: Mapping[str, Value] = {}
+        self._silent = True
 
     def say(self, hint: BeaconHint) -> None:
         """Declare and set what the hint gives, and undeclare what it does not.
@@ -46,7 +47,7 @@ class Declared:
                 changed.append(Parameter(name, value=value))
             else:
                 self._node.declare_parameter(name, value, ignore_override=not first)
-        self._said = parameters
+        self._said, self._silent = parameters, False
         if changed:
             self._set(changed)
 
@@ -55,8 +56,9 @@ class Declared:
 
         Emptied, not deleted, because rclpy tells everybody of a change, and nobody of a deletion.
         """
-        if not (self._said and self._node.has_parameter(ENTITY_ID)):
+        if self._silent or not self._node.has_parameter(ENTITY_ID):
             return
+        self._silent = True
         emptied = Parameter(ENTITY_ID, value="")
         if self._node.context.ok():
             self._set([emptied])

@@ -68,9 +68,10 @@ def read(parameters: Mapping[str, object]) -> Reading:
             metadata[key] = str(value)
         else:
             fields[field] = tuple(value) if isinstance(value, list | tuple) else value
+    # An empty one is a hint that was taken back.
     if fields.get("entity_id"):
         return Reading(BeaconHint(**fields, metadata=metadata or NO_METADATA), tuple(skipped))
-    if fields or metadata:
+    if (fields or metadata) and parameters.get(ENTITY_ID) is None:
         skipped.append(f"{ENTITY_ID}: not given, so nobody knows whom the others are about")
     return Reading(None, tuple(skipped))
 

@@ -12,7 +12,7 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
 from rclpy.qos import qos_profile_parameter_events
 
-from beacon_core.errors import UsageError
+from beacon_core.errors import ConfigError, UsageError
 from beacon_core.ports.health import Condition, Health
 from beacon_core.ports.sink import HintSink
 from beacon_ros.graph import node_names
@@ -85,15 +85,16 @@ class RosParamSource:
         with self._starting:
             if self._closed or self._waiter is not None:
                 raise UsageError("start: it was started or closed already; make a new one")
+            self._node = self._given_node or self._new_node()
+            clients, now_ns = RosClients(self._node), time.monotonic_ns()
             try:
-                self._node = self._given_node or self._new_node()
-                clients, now_ns = RosClients(self._node), time.monotonic_ns()
-                self._asker = Asker(self._options, clients, sink, self._wake, now_ns)
-                self._waiter = self._new_waiter()
-            except BaseException:
+                waiter = self._new_waiter()
+            except Exception as error:  # RCLError, which is not a public name
                 self._release()
-                raise
-            self._waiter.start()
+                raise ConfigError(f"node: ROS refuses it: {error}") from error
+            self._asker = Asker(self._options, clients, sink, self._wake, now_ns)
+            self._waiter = waiter
+            waiter.start()
 
     def close(self) -> None:
         if self._pid != os.getpid():
