@@ -258,7 +258,7 @@ def test_a_robot_can_speak_for_nobody_else(gateway: Gateway, papers: Papers) -> 
         lambda: gateway.intake.totals()[Verdict.INVALID] == 1, "the false payload is refused"
     )
     gateway.says_the_truth_about("robot-2")
-    evil.close()  # type: ignore[no-untyped-call]
+    evil.close()
     victim.close()
 
 

@@ -78,7 +78,7 @@ def within(harness: Harness, seconds: float, predicate: Callable[[], bool], what
 
 
 def close(session: zenoh.Session) -> None:
-    session.close()  # type: ignore[no-untyped-call]
+    session.close()
 
 
 def flood(endpoint: str) -> subprocess.Popen[bytes]:

@@ -53,7 +53,7 @@ class Ear:
 def ear() -> Iterator[Ear]:
     made = Ear()
     yield made
-    made.session.close()  # type: ignore[no-untyped-call]
+    made.session.close()
 
 
 def envelope_of(sample: zenoh.Sample) -> wire.Envelope:
@@ -231,7 +231,7 @@ def test_a_session_that_is_replaced_is_told_everything_anew(ear: Ear) -> None:
     eventually(lambda: len(ear.samples) == 2)
     session = announcer._keeper._session
     assert session is not None
-    session.close()  # type: ignore[no-untyped-call]
+    session.close()
     eventually(lambda: len(ear.samples) == 4)
     eventually(lambda: len(ear.tokens) == 6)
     eventually(lambda: len(ear.ask("beacon/hint/*")) == 2)

@@ -72,7 +72,7 @@ def test_a_router_takes_another_port_if_its_own_was_taken_meanwhile(
     second, endpoint = harness.open_router(ZenohOptions(prefix="other"))
     assert endpoint == free
     for session in (first, second):
-        session.close()  # type: ignore[no-untyped-call]
+        session.close()
 
 
 def test_the_first_source_is_the_router_until_it_is_closed() -> None:

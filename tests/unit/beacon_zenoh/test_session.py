@@ -240,7 +240,7 @@ def test_a_session_that_was_lost_is_replaced_though_a_defect_shows_then(
     keeper.start()
     owner.declare_fails = [defect]
     assert keeper._session is not None
-    keeper._session.close()  # type: ignore[no-untyped-call]
+    keeper._session.close()
     keeper.wake()
     eventually(lambda: owner.calls.count("declare") == 3)
     eventually(lambda: condition(keeper) is Condition.UP)

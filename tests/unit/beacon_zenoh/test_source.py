@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from itertools import count
 
 import pytest
 import zenoh
@@ -32,7 +33,7 @@ def robot(harness: ZenohHarness) -> Iterator[zenoh.Session]:
     """A robot in another language."""
     session = zenoh.open(session_config(harness.options(), "client").make())
     yield session
-    session.close()  # type: ignore[no-untyped-call]
+    session.close()
 
 
 def eventually(harness: ZenohHarness, predicate: Callable[[], bool]) -> None:
@@ -47,23 +48,23 @@ def test_an_answer_counts_as_said_now_whatever_the_clock_of_the_robot(
     harness: ZenohHarness, robot: zenoh.Session
 ) -> None:
     listener = Listener(harness).start()
-    payload = json.encode(BeaconHint("engine"))
+    payload, numbers = json.encode(BeaconHint("engine")), count(2)
 
     def answer(query: zenoh.Query) -> None:
         with query:
-            query.reply("beacon/hint/engine", payload, attachment=attachment(2))
+            query.reply("beacon/hint/engine", payload, attachment=attachment(next(numbers)))
 
     robot.declare_queryable("beacon/hint/engine", answer)
     token = robot.liveliness().declare_token("beacon/live/engine/run-1")
     robot.put("beacon/hint/engine", payload, attachment=attachment(1))
     eventually(harness, lambda: listener.has("engine"))
-    token.undeclare()  # type: ignore[no-untyped-call]
+    token.undeclare()
     eventually(harness, lambda: listener.has("engine", Status.STALE))
     back = robot.liveliness().declare_token("beacon/live/engine/run-1")
     eventually(harness, lambda: listener.has("engine"))
-    assert listener.tap.calls[-1].sequence == 2
+    assert listener.tap.calls[-1].sequence >= 2
     assert listener.tap.calls[-1].stamp_ns == 0
-    back.undeclare()  # type: ignore[no-untyped-call]
+    back.undeclare()
 
 
 def test_a_robot_that_cannot_be_asked_is_asked_three_times_and_then_waited_for(
@@ -80,7 +81,7 @@ def test_a_robot_that_cannot_be_asked_is_asked_three_times_and_then_waited_for(
     assert not harness.wait_until(lambda: asked() > 4, 0.3)
     robot.put("beacon/hint/engine", b'{"entity_id":"engine"}')
     eventually(harness, lambda: listener.has("engine"))
-    token.undeclare()  # type: ignore[no-untyped-call]
+    token.undeclare()
 
 
 def test_invented_tokens_make_the_gateway_ask_no_oftener_than_it_may(
