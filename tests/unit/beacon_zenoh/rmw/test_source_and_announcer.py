@@ -1,21 +1,42 @@
-"""What source and announcer promise of themselves; the rest is in the contract suite."""
+"""What source and announcer promise beside the contract, to nodes as rmw_zenoh makes them."""
 
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 import zenoh
+import zenoh.ext
 
 from beacon_core.errors import UsageError
 from beacon_core.hint import BeaconHint
+from beacon_core.lifecycle import Status
+from beacon_core.outcome import Verdict
+from beacon_core.ports.health import Condition
 from beacon_core.testing.harness import Listener
+from beacon_core.wire import cdr
+from beacon_core.wire.medkit import TYPE_HASH, farewell
 from beacon_zenoh.config import session_config
+from beacon_zenoh.harness import free_endpoint
+from beacon_zenoh.rmw import RmwOptions, attachment
 from beacon_zenoh.rmw import announcer as module
 from beacon_zenoh.rmw.announcer import RmwTopicAnnouncer
+from beacon_zenoh.rmw.graph import Graph
 from beacon_zenoh.rmw.harness import RmwHarness
+from beacon_zenoh.rmw.lookalikes import Ear, Robot
+from beacon_zenoh.rmw.qos import DEFAULT_QOS
 from beacon_zenoh.rmw.source import RmwTopicSource
+from beacon_zenoh.rmw.tokens import Kind, gid_of, token_key
+
+AN_HOUR_S = 3600.0
+"""A period in which nothing is repeated: what is seen was kept."""
+
+IN_TIME_S = 2.0
+
+TOPIC = "/ros2_medkit/discovery"
 
 
 @pytest.fixture
@@ -25,8 +46,278 @@ def harness() -> Iterator[RmwHarness]:
     made.close()
 
 
-def eventually(harness: RmwHarness, predicate: Callable[[], bool]) -> None:
-    assert harness.wait_until(predicate, 5.0)
+@pytest.fixture
+def robots(harness: RmwHarness) -> Iterator[Callable[..., Robot]]:
+    made: list[Robot] = []
+
+    def make(*args: Any, **kwargs: Any) -> Robot:
+        made.append(Robot(harness.endpoint, *args, **kwargs))
+        return made[-1]
+
+    yield make
+    for robot in made:
+        robot.close()
+
+
+def within(
+    harness: RmwHarness, predicate: Callable[[], bool], what: str, seconds: float = IN_TIME_S
+) -> None:
+    assert harness.wait_until(predicate, seconds), f"not within {seconds} s: {what}"
+
+
+def has(listener: Listener, entity_id: str, status: Status = Status.ACTIVE) -> Callable[[], bool]:
+    return lambda: listener.has(entity_id, status)
+
+
+def active(harness: RmwHarness, listener: Listener, *entity_ids: str) -> None:
+    for one in entity_ids:
+        within(harness, has(listener, one), f"{one} is active")
+
+
+def graph_of(listener: Listener) -> Graph:
+    assert isinstance(listener.source, RmwTopicSource)
+    return listener.source.graph
+
+
+def node_names(listener: Listener) -> list[str]:
+    views = graph_of(listener).nodes()
+    return [view.node.node_name for view in views if "beacon_" not in view.node.node]
+
+
+def counters(listener: Listener) -> dict[str, int]:
+    return dict(listener.source.health().counters)
+
+
+def test_a_subscriber_of_rmw_zenoh_hears_what_is_announced_in_order(harness: RmwHarness) -> None:
+    ear = Ear(harness.endpoint)
+    announcer = harness.announcer()
+    names = [f"part-{number}" for number in range(50)]
+    for name in names:
+        announcer.announce(BeaconHint(name))
+    within(harness, lambda: len(ear.heard) >= 50, "all are heard")
+    assert ear.names() == names
+    assert [number for _, number, _ in ear.heard] == list(range(1, 51))
+    ear.close()
+
+
+def test_its_gid_is_that_of_the_token(harness: RmwHarness) -> None:
+    listener = Listener(harness).start()
+    ear = Ear(harness.endpoint)
+    harness.announcer().announce(BeaconHint("engine"))
+    within(harness, lambda: bool(ear.heard), "it is heard")
+    within(harness, lambda: graph_of(listener).size() >= 2, "the graph is known")
+    publishers = [one for view in graph_of(listener).nodes() for one in view.of(Kind.PUBLISHER)]
+    assert [gid_of(token_key(one)) for one in publishers] == [ear.heard[0][0]]
+    ear.close()
+
+
+def test_a_subscriber_that_comes_late_is_told_the_present_hint_of_each(
+    harness: RmwHarness,
+) -> None:
+    announcer, listener = harness.announcer(AN_HOUR_S), Listener(harness).start()
+    for name in ("gone", "engine", "brake", "engine"):
+        announcer.announce(BeaconHint(name))
+    announcer.withdraw("gone")
+    within(harness, lambda: listener.has("gone", Status.LEFT), "all is said")
+    late = Ear(harness.endpoint)
+    within(harness, lambda: len(late.heard) >= 2, "the present is told")
+    assert not harness.wait_until(lambda: len(late.heard) > 2, 0.3)
+    assert late.names() == ["brake", "engine"]
+    late.close()
+
+
+def test_a_subscriber_is_told_no_more_than_its_depth(harness: RmwHarness) -> None:
+    announcer, listener = harness.announcer(AN_HOUR_S), Listener(harness).start()
+    for number in range(5):
+        announcer.announce(BeaconHint(f"part-{number}"))
+    active(harness, listener, *(f"part-{number}" for number in range(5)))
+    late = Ear(harness.endpoint, depth=2)
+    within(harness, lambda: len(late.heard) >= 2, "the last are told")
+    assert not harness.wait_until(lambda: len(late.heard) > 2, 0.3)
+    assert late.names() == ["part-3", "part-4"]
+    late.close()
+
+
+def test_a_subscriber_that_waits_for_publishers_is_told_once_one_comes(
+    harness: RmwHarness,
+) -> None:
+    ear = Ear(harness.endpoint)
+    announcer = harness.announcer(AN_HOUR_S)
+    announcer.announce(BeaconHint("engine"))
+    within(harness, lambda: "engine" in ear.names(), "it is heard")
+    ear.close()
+
+
+def test_a_question_that_wants_no_other_key_gets_no_answer_and_harms_nobody(
+    harness: RmwHarness,
+) -> None:
+    announcer, listener = harness.announcer(), Listener(harness).start()
+    announcer.announce(BeaconHint("engine"))
+    active(harness, listener, "engine")
+    session = zenoh.open(session_config(harness.options(), "client").make())
+    assert list(session.get(f"0{TOPIC}/*/*/@adv/**", timeout=1.0)) == []
+    announcer.announce(BeaconHint("brake"))
+    active(harness, listener, "brake")
+    session.close()
+
+
+def test_volatile_publishers_keep_nothing_and_are_not_asked(
+    harness: RmwHarness, robots: Callable[..., Robot]
+) -> None:
+    robot = robots(DEFAULT_QOS)
+    robot.say("engine")
+    listener = Listener(harness).start()
+    within(harness, lambda: counters(listener)["publishers"] == 1, "its publisher is known")
+    assert not harness.wait_until(lambda: counters(listener)["asked"] > 0, 0.5)
+    robot.say("engine")
+    active(harness, listener, "engine")
+
+
+def test_several_domains_are_heard_at_once_and_others_not(
+    harness: RmwHarness, robots: Callable[..., Robot]
+) -> None:
+    listener = Listener(harness)
+    options = RmwOptions(connect=(harness.endpoint,), ros_domain_ids=(0, 7))
+    listener.source = harness.adapter.source(options)
+    listener.start()
+    for domain in (0, 7, 8):
+        robots(domain=domain).say(f"in-{domain}")
+    active(harness, listener, "in-0", "in-7")
+    assert listener.status("in-8") is None
+    assert {view.node.domain for view in graph_of(listener).nodes()} == {0, 7}
+    announcer = RmwTopicAnnouncer(options)
+    announcer.announce(BeaconHint("everywhere"))
+    active(harness, listener, "everywhere")
+    within(
+        harness,
+        lambda: sum(call.outcome.entity_id == "everywhere" for call in listener.tap.calls) == 2,
+        "it is said in both domains",
+    )
+    announcer.close()
+    listener.source.close()
+
+
+def test_a_node_that_goes_without_its_publishers_is_missed_and_comes_back(
+    harness: RmwHarness, robots: Callable[..., Robot]
+) -> None:
+    listener = Listener(harness).start()
+    robot = robots()
+    robot.say("engine")
+    active(harness, listener, "engine")
+    within(harness, lambda: node_names(listener) == ["/fleet/r1/talker"], "the graph is right")
+    robot.tokens[0].undeclare()
+    within(harness, lambda: listener.has("engine", Status.STALE), "engine is stale")
+    assert node_names(listener) == []
+    robot.tokens[0] = robot.session.liveliness().declare_token(token_key(robot.node))
+    active(harness, listener, "engine")
+    assert node_names(listener) == ["/fleet/r1/talker"]
+
+
+def test_a_goodbye_of_a_node_of_ros_is_one(
+    harness: RmwHarness, robots: Callable[..., Robot]
+) -> None:
+    listener = Listener(harness).start()
+    robot = robots()
+    robot.say("engine")
+    active(harness, listener, "engine")
+    robot.put(farewell("engine"))
+    robot.close()
+    within(harness, lambda: listener.has("engine", Status.LEFT), "engine has left")
+    assert not harness.wait_until(lambda: not listener.has("engine", Status.LEFT), 0.3)
+    assert counters(listener)["lost"] == 0
+
+
+def test_another_session_is_taken_without_anybody_being_missed(
+    harness: RmwHarness, robots: Callable[..., Robot]
+) -> None:
+    listener = Listener(harness).start()
+    robot = robots()
+    robot.say("engine", "before")
+    active(harness, listener, "engine")
+    within(harness, lambda: graph_of(listener).size() == 2, "the graph is right")
+    assert isinstance(listener.source, RmwTopicSource)
+    listener.source._keeper.renew()
+    within(harness, lambda: counters(listener)["renewals"] == 1, "it is renewed")
+    robot.say("engine", "meanwhile")
+    within(harness, lambda: listener.says("engine", "meanwhile"), "it is heard")
+    # Longer than it takes until those are missed whom the new session did not report.
+    assert not harness.wait_until(lambda: not listener.has("engine"), 1.3)
+    assert graph_of(listener).size() == 2
+    assert counters(listener)["lost"] == 0
+
+
+def test_another_definition_of_the_message_is_heard_and_named(
+    harness: RmwHarness, robots: Callable[..., Robot]
+) -> None:
+    listener = Listener(harness).start()
+    robots(type_hash="RIHS01_" + "0" * 64).say("engine")
+    active(harness, listener, "engine")
+    degraded = lambda: listener.source.health().condition is Condition.DEGRADED  # noqa: E731
+    within(harness, degraded, "health tells")
+    detail = listener.source.health().detail
+    assert detail.startswith("/fleet/r1/talker has another definition of the message")
+    assert "RIHS01_" + "0" * 64 in detail
+
+
+def test_another_message_on_the_topic_is_not_heard_and_named(
+    harness: RmwHarness, robots: Callable[..., Robot]
+) -> None:
+    listener = Listener(harness).start()
+    made = [robots(type_name="std_msgs/msg/String") for _ in range(5)]
+    made[0].say("engine")
+    all_named = lambda: listener.source.health().detail.endswith("; and 2 more")  # noqa: E731
+    within(harness, all_named, "health tells")
+    detail = listener.source.health().detail
+    assert "/fleet/r1/talker is not heard: it publishes std_msgs/msg/String" in detail
+    assert listener.status("engine") is None
+    for robot in made:
+        robot.close()
+    up = lambda: listener.source.health().condition is Condition.UP  # noqa: E731
+    within(harness, up, "health forgets them")
+
+
+def test_hostile_keys_tokens_and_attachments_are_counted_and_harm_nobody(
+    harness: RmwHarness, robots: Callable[..., Robot]
+) -> None:
+    listener = Listener(harness).start()
+    robot = robots(DEFAULT_QOS)
+    key = robot.key
+    put = robot.session.put
+    good = cdr.encode(BeaconHint("hostile"))
+    for beside in (None, b"", b"\0" * 32, b"\xff" * 33, b"\0" * 5000):
+        put(key, good, attachment=beside)
+    put(f"{key}x/*", good, attachment=attachment.encode(bytes(16), 1, 1))
+    put(key.replace(TYPE_HASH, "§ no hash"), good, attachment=attachment.encode(b"g" * 16, 1, 1))
+    declare = robot.session.liveliness().declare_token
+    tokens = [declare(f"@ros2_lv/0/{one}") for one in ("x", "§/%/%", "ab/0/0/NN/%/%/a b")]
+    tokens.append(declare(token_key(robot.member).replace("/MP/", "/XX/")))
+    put(key, b"garbage", attachment=attachment.encode(b"h" * 16, 1, 1))
+    robot.say("engine")
+    active(harness, listener, "engine")
+    within(harness, lambda: counters(listener)["bad-tokens"] == 4, "tokens are counted")
+    assert counters(listener)["bad-attachments"] == 5
+    assert counters(listener)["bad-keys"] == 1
+    assert listener.count(Verdict.MALFORMED) == 1
+    assert listener.status("hostile") is None
+    for one in tokens:
+        one.undeclare()
+
+
+def test_an_announcer_waits_for_its_router_and_never_for_the_network() -> None:
+    endpoint = free_endpoint()
+    announcer = RmwTopicAnnouncer(RmwOptions(connect=(endpoint,)), AN_HOUR_S)
+    began = time.monotonic()
+    announcer.announce(BeaconHint("engine", display_name="first"))
+    announcer.announce(BeaconHint("engine", display_name="second"))
+    assert time.monotonic() - began < 0.1
+    harness = RmwHarness()
+    listener = Listener(harness)
+    listener.source = harness.adapter.source(RmwOptions(mode="router", listen=(endpoint,)))
+    listener.start()
+    within(harness, lambda: listener.says("engine", "second"), "the last word is heard")
+    announcer.close()
+    listener.source.close()
+    harness.close()
 
 
 def ask(session: zenoh.Session, announcer: RmwTopicAnnouncer, parameters: str) -> int:
@@ -41,7 +332,7 @@ def test_many_that_keep_their_words_are_asked_with_one_question(harness: RmwHarn
     for number, announcer in enumerate(announcers):
         announcer.announce(BeaconHint(f"robot-{number}"))
     listener = Listener(harness).start()
-    eventually(harness, lambda: listener.store.size() == 20)
+    within(harness, lambda: listener.store.size() == 20, "it happens")
     assert listener.source.health().counters["asked"] < 5
 
 
@@ -56,7 +347,7 @@ def test_a_question_may_say_how_many_answers_it_wants(
     for name in ("a", "b", "c"):
         announcer.announce(BeaconHint(name))
     session = zenoh.open(session_config(harness.options(), "client").make())
-    eventually(harness, lambda: ask(session, announcer, parameters) == answers)
+    within(harness, lambda: ask(session, announcer, parameters) == answers, "it happens")
     session.close()
 
 
@@ -67,7 +358,7 @@ def test_a_flood_of_questions_is_dropped_and_not_kept(
     assert isinstance(announcer, RmwTopicAnnouncer)
     announcer.announce(BeaconHint("a"))
     session = zenoh.open(session_config(harness.options(), "client").make())
-    eventually(harness, lambda: ask(session, announcer, "") == 1)
+    within(harness, lambda: ask(session, announcer, "") == 1, "it happens")
     monkeypatch.setattr(module, "_MAX_QUESTIONS", 0)
     assert ask(session, announcer, "") == 0
     session.close()
@@ -79,7 +370,7 @@ def test_a_second_start_leads_nobody_astray(harness: RmwHarness) -> None:
     with pytest.raises(UsageError):
         first.source.start(second.tap)
     harness.announcer().announce(BeaconHint("engine"))
-    eventually(harness, lambda: first.has("engine"))
+    within(harness, lambda: first.has("engine"), "it happens")
     assert not second.tap.calls
 
 
