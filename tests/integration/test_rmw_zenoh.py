@@ -18,6 +18,10 @@ from beacon_core.hint import BeaconHint
 from beacon_core.lifecycle import Cause, Status
 from beacon_core.ports.health import Condition
 from beacon_core.testing.harness import Listener
+from beacon_gateway.config import parse_config
+from beacon_gateway.gateway import Gateway
+from beacon_zenoh import ZenohOptions
+from beacon_zenoh.announcer import ZenohAnnouncer
 from beacon_zenoh.harness import ProcessAnnouncer, free_endpoint
 from beacon_zenoh.rmw import RmwOptions
 from beacon_zenoh.rmw.graph import Graph
@@ -290,3 +294,36 @@ def test_a_thousand_nodes_are_known_and_missed_in_time(harness: RmwHarness) -> N
         robots = fleet()
     robots.kill()
     robots.communicate()
+
+
+def test_a_robot_that_is_heard_in_both_dialects_is_one_entity_with_two_sources(
+    harness: RmwHarness,
+) -> None:
+    connect = [harness.endpoint]
+    sources = {
+        "ros": {"adapter": "zenoh_rmw", "options": {"connect": connect}},
+        "native": {"adapter": "zenoh", "options": {"mode": "client", "connect": connect}},
+    }
+    gateway = Gateway(parse_config({"sources": sources}).config)
+    gateway.start()
+    hint = BeaconHint("engine", hostname="robot-1", process_id=42, process_name="engine")
+    announcers = [
+        harness.announcer(),
+        ZenohAnnouncer(ZenohOptions(connect=(harness.endpoint,))),
+    ]
+    for announcer in announcers:
+        announcer.announce(hint)
+
+    def heard_by() -> set[str]:
+        beacon = gateway.directory.beacon("engine")
+        return set() if beacon is None else {view.adapter for view in beacon.views}
+
+    within(harness, lambda: heard_by() == {"zenoh_rmw", "zenoh"}, "both sources know it")
+    (app,) = gateway.directory.apps()
+    assert app.entity.id == "engine"
+    beacon = gateway.directory.beacon("engine")
+    assert beacon is not None
+    assert not any(view.stored.conflict for view in beacon.views)
+    for announcer in announcers:
+        announcer.close()
+    gateway.close()

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from beacon_zenoh.rmw import attachment, keys, names, qos, tokens
 from beacon_zenoh.rmw.keys import DataKey
+from beacon_zenoh.rmw.publishers import Publishers
 from beacon_zenoh.rmw.qos import FOREVER, Qos
 from beacon_zenoh.rmw.tokens import Kind, Member
 
@@ -184,3 +185,51 @@ def test_any_text_gives_a_profile_or_nothing(text: str) -> None:
     profile = qos.decode(text)
     if profile is not None:
         assert qos.decode(qos.encode(profile)) == profile
+
+
+NOBODY = [bytes([number]) * 16 for number in range(2)]
+TOKENS = [
+    Member(Kind.PUBLISHER, 0, zid, 0, number, "n", "/", "/", "/hints", "a/msg/B", "RIHS01_0")
+    for zid, number in (("aa", 1), ("aa", 2), ("bb", 1))
+]
+GIDS = [tokens.gid_of(tokens.token_key(one)) for one in TOKENS]
+TOPIC_KEY = keys.data_key(TOKENS[0].data_key)
+STEPS = st.lists(
+    st.tuples(st.sampled_from(["listed", "unlisted"]), st.integers(0, 2))
+    | st.tuples(st.just("heard"), st.integers(0, 4))
+    | st.tuples(st.just("settle"), st.just(0)),
+    max_size=40,
+)
+
+
+@OFTEN
+@given(STEPS)
+def test_nobody_is_lost_while_the_token_that_is_its_by_number_is_there(
+    steps: list[tuple[str, int]],
+) -> None:
+    known, listed, now_ns = Publishers(), set[int](), 0
+    for what, number in steps:
+        now_ns += 10**8
+        if what == "listed":
+            known.listed(GIDS[number], TOKENS[number], now_ns)
+            listed.add(number)
+        elif what == "unlisted":
+            listed.discard(number)
+            lost = {one.name for one in known.unlisted(GIDS[number])}
+            assert not lost & {GIDS[one].hex() for one in listed}
+        elif what == "heard":
+            gid = [*GIDS, *NOBODY][number]
+            known.meet(gid, TOPIC_KEY, "aa", now_ns)
+        else:
+            known.settle(now_ns + 10**10)
+        check_ties(known, listed)
+
+
+def check_ties(known: Publishers, listed: set[int]) -> None:
+    """Each token is one publisher's at most, and its own once it was heard."""
+    owners = [one.token for one in known.heard.values() if one.token is not None]
+    assert len(owners) == len(set(owners))
+    assert set(owners) <= {GIDS[one] for one in listed}
+    for number in listed:
+        if GIDS[number] in known.heard:
+            assert known.heard[GIDS[number]].token == GIDS[number]

@@ -196,7 +196,7 @@ class Publishers:
         self._owner[token] = gid
         self._left_over[publisher.topic_key].discard(token)
         self._untied.pop(gid, None)
-        publisher.token = token
+        publisher.token, publisher.candidates = token, set()
         publisher.allowed = self._admits is None or self._admits(self._tokens[token])
 
     def _untie(self, gid: bytes, token: bytes) -> None:
