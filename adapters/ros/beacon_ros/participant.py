@@ -74,23 +74,25 @@ class OwnNode:
 @attrs.define(eq=False)
 class _Shared:
     context: Context
-    domain_id: int | None
+    key: int | str
     users: int = 0
 
 
 _numbers: Iterator[int] = itertools.count(1)
 _lock = threading.Lock()
-_contexts: dict[int | None, _Shared] = {}
+_contexts: dict[int | str, _Shared] = {}
+"""By the domain's number, or what the environment said instead."""
 _used_by: set[int] = set()
 
 
 def _acquire(domain_id: int | None) -> _Shared:
     if _used_by - {os.getpid()}:
         raise UsageError(NO_FORK)
+    key = os.environ.get("ROS_DOMAIN_ID", "") if domain_id is None else domain_id
     with _lock:
-        shared = _contexts.get(domain_id)
+        shared = _contexts.get(key)
         if shared is None or not shared.context.ok():
-            shared = _contexts[domain_id] = _Shared(_new_context(domain_id), domain_id)
+            shared = _contexts[key] = _Shared(_new_context(domain_id), key)
         _used_by.add(os.getpid())
         shared.users += 1
         return shared
@@ -101,8 +103,8 @@ def _release(shared: _Shared) -> None:
         shared.users -= 1
         if shared.users:
             return
-        if _contexts.get(shared.domain_id) is shared:
-            del _contexts[shared.domain_id]
+        if _contexts.get(shared.key) is shared:
+            del _contexts[shared.key]
     shared.context.try_shutdown()
     shared.context.destroy()
 

@@ -142,7 +142,10 @@ class RosTopicAnnouncer:
             return self._own.node.create_publisher(message, options.topic, profile(options))
         except Exception as error:  # RCLError, which is not a public name
             self._own.close()
-            raise ConfigError(f"topic: ROS refuses {options.topic!r}: {error}") from error
+            raise ConfigError(
+                f"topic: ROS refuses {options.topic!r}: {error}; "
+                "does this program have a topic of that name with another type?"
+            ) from error
 
     def _publish(self, payload: bytes) -> None:
         """Under the lock, so that what is said of an entity is said in the order of the calls."""

@@ -26,6 +26,7 @@ from beacon_core.hint import BeaconHint
 from beacon_core.lifecycle import Status
 from beacon_core.outcome import Outcome, Verdict
 from beacon_core.ports.health import Condition
+from beacon_core.ports.source import HintSource
 from beacon_core.testing.harness import CLOSE_WITHIN_S, Listener, within
 from beacon_core.wire import cdr
 from beacon_core.wire.medkit import TYPE_HASH, TYPE_NAME, farewell
@@ -91,8 +92,12 @@ def publisher_on(own: OwnNode, qos: QoSProfile = DEEP) -> Publisher:
     return own.node.create_publisher(message_type(TYPE_NAME, TYPE_HASH), TOPIC, qos)
 
 
-def met(publisher: Publisher, eventually: Eventually) -> Publisher:
+def met(
+    publisher: Publisher, source: HintSource, eventually: Eventually, *, among: int = 1
+) -> Publisher:
+    """The publisher, when both ends know each other; it is one of so many."""
     eventually(publisher.get_subscription_count)
+    eventually(lambda: source.health().counters["matched"] == among)
     return publisher
 
 
@@ -101,7 +106,7 @@ class TestSenders:
         self, harness: RosTopicHarness, stranger: OwnNode, eventually: Eventually
     ) -> None:
         listener = Listener(harness).start()
-        publisher = met(publisher_on(stranger), eventually)
+        publisher = met(publisher_on(stranger), listener.source, eventually)
         (listed,) = publishers(stranger.node, TOPIC)
         before_ns = time.time_ns()
         for number in (1, 2):
@@ -118,10 +123,10 @@ class TestSenders:
         self, harness: RosTopicHarness, stranger: OwnNode, eventually: Eventually
     ) -> None:
         listener = Listener(harness).start()
-        first = met(publisher_on(stranger), eventually)
+        first = met(publisher_on(stranger), listener.source, eventually)
         first.publish(ENGINE)
         eventually(lambda: listener.has("engine"))
-        second = met(publisher_on(stranger), eventually)
+        second = met(publisher_on(stranger), listener.source, eventually, among=2)
         second.publish(ENGINE)
         eventually(lambda: len(listener.tap.calls) == 2)
         stranger.node.destroy_publisher(first)
@@ -140,7 +145,9 @@ class TestSenders:
         ]
         for number, twin in enumerate(twins):
             made = twin.create_publisher(message_type(TYPE_NAME, TYPE_HASH), TOPIC, DEEP)
-            met(made, eventually).publish(cdr.encode(BeaconHint(f"part-{number}")))
+            met(made, listener.source, eventually, among=number + 1).publish(
+                cdr.encode(BeaconHint(f"part-{number}"))
+            )
         eventually(lambda: listener.has("part-0") and listener.has("part-1"))
         assert len({call.source for call in listener.tap.calls}) == 2
         twins[0].destroy_node()
@@ -168,7 +175,7 @@ class TestSenders:
         self, harness: RosTopicHarness, stranger: OwnNode, eventually: Eventually
     ) -> None:
         listener = Listener(harness).start()
-        publisher = met(publisher_on(stranger), eventually)
+        publisher = met(publisher_on(stranger), listener.source, eventually)
         for entity_id in ("engine", "brake"):
             publisher.publish(cdr.encode(BeaconHint(entity_id)))
         publisher.publish(farewell("engine"))
@@ -201,7 +208,7 @@ class TestStamps:
         caplog: pytest.LogCaptureFixture,
     ) -> None:
         listener = Listener(harness, ttl_s=5.0).start()
-        publisher = met(publisher_on(stranger), eventually)
+        publisher = met(publisher_on(stranger), listener.source, eventually)
         for tick in range(20):
             hint = BeaconHint("engine", display_name=f"{tick}")
             publisher.publish(cdr.encode(hint, 42 * 10**9 + tick * 10**6))
@@ -310,7 +317,7 @@ class TestJoined:
     def test_it_needs_nobody_to_spin_the_node(
         self, source: RosTopicSource, sink: Sink, stranger: OwnNode, eventually: Eventually
     ) -> None:
-        met(publisher_on(stranger), eventually).publish(ENGINE)
+        met(publisher_on(stranger), source, eventually).publish(ENGINE)
         eventually(lambda: sink.told == ["offer engine"])
 
     def test_it_takes_nothing_away_from_who_spins_the_node_and_hears_the_same_topic(
@@ -323,10 +330,12 @@ class TestJoined:
     ) -> None:
         own: list[bytes] = []
         made = message_type(TYPE_NAME, TYPE_HASH)
-        user.create_subscription(made, TOPIC, own.append, DEEP, raw=True)
+        subscription = user.create_subscription(made, TOPIC, own.append, DEEP, raw=True)
         executor = SingleThreadedExecutor(context=user.context)
         executor.add_node(user)
         publisher = publisher_on(stranger)
+        eventually(subscription.get_publisher_count)
+        eventually(lambda: source.health().counters["matched"])
         eventually(lambda: publisher.get_subscription_count() == 2)
         for number in range(300):
             publisher.publish(cdr.encode(BeaconHint(f"part-{number}")))
@@ -365,7 +374,7 @@ class TestJoined:
         eventually: Eventually,
         caplog: pytest.LogCaptureFixture,
     ) -> None:
-        publisher = met(publisher_on(stranger), eventually)
+        publisher = met(publisher_on(stranger), source, eventually)
         for number in range(2000):
             publisher.publish(ENGINE)
             if number == 1000:
@@ -390,7 +399,7 @@ class TestEndings:
     ) -> None:
         source, sink = harness.source(), Sink()
         source.start(sink)
-        publisher = met(publisher_on(stranger), eventually)
+        publisher = met(publisher_on(stranger), source, eventually)
         for entity_id in ("engine", "brake", "lidar"):
             publisher.publish(cdr.encode(BeaconHint(entity_id)))
         eventually(lambda: len(sink.told) == 3)
@@ -405,7 +414,7 @@ class TestEndings:
     ) -> None:
         source, sink, go_on = harness.source(), Sink(), threading.Event()
         source.start(sink)
-        publisher = met(publisher_on(stranger), eventually)
+        publisher = met(publisher_on(stranger), source, eventually)
         sink.doing = go_on.wait
         for _ in range(10):
             publisher.publish(ENGINE)
@@ -427,7 +436,7 @@ class TestEndings:
             raise RuntimeError("a defect")
 
         sink.doing = fail
-        publisher = met(publisher_on(stranger), eventually)
+        publisher = met(publisher_on(stranger), source, eventually)
         for _ in range(3):
             publisher.publish(ENGINE)
         publisher.publish(farewell("engine"))
@@ -540,7 +549,6 @@ class TestEndings:
     ) -> None:
         program = start_script(
             PROGRAM
-            + "from rclpy.executors import ExternalShutdownException\n"
             + "rclpy.init()\n"
             + "node = rclpy.create_node('gateway')\n"
             + "source = RosTopicSource(RosTopicOptions(), node=node)\n"
@@ -549,7 +557,7 @@ class TestEndings:
             + "def up(): seen or print('up', flush=True); seen.append(1)\n"
             + "node.create_timer(0.01, up)\n"
             + "try: rclpy.spin(node)\n"
-            + "except (KeyboardInterrupt, ExternalShutdownException): pass\n"
+            + "except (KeyboardInterrupt, Exception): pass\n"  # ROS raises the one or the other
             + "source.close()\n"
         )
         while program.stdout.readline() not in ("up\n", ""):
@@ -597,7 +605,7 @@ class TestChurn:
         monkeypatch.setattr(roster, "UNLISTED_FOR_S", 0.2)
         monkeypatch.setattr(looks, "_EVERY_S", 0.1)
         listener = Listener(harness).start()
-        quiet = met(publisher_on(stranger), eventually)
+        quiet = met(publisher_on(stranger), listener.source, eventually)
         healthy = threading.Event()
         asking = threading.Thread(target=self.ask, args=(listener, healthy))
         asking.start()
