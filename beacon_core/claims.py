@@ -77,8 +77,8 @@ class Claimant:
     incarnation: str
     sequence: int
     last_seen_ns: int
-    text_bytes: int = 0
-    """Bytes of text in its hint, if they have been counted; see ``validator.clean_bytes``."""
+    content_bytes: int = 0
+    """What its hint's words take, if that has been counted; see ``validator.clean_size``."""
     contending: bool = False
     """Heard while another held the id, which is ACTIVE; otherwise a predecessor that has been
     silent since, kept for a ``ttl`` after its last sign of life."""

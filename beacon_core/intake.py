@@ -31,7 +31,7 @@ from beacon_core.sources import Source, SourceReport, Sources
 from beacon_core.store import HintStore
 from beacon_core.text import quoted
 from beacon_core.token_bucket import FairGate, TokenBucket
-from beacon_core.validator import Rejected, clean_bytes, validate
+from beacon_core.validator import Rejected, clean_size, validate
 
 __all__ = ["Intake"]
 
@@ -221,8 +221,8 @@ class Intake:
             detail = f"$.entity_id: {named}, but it may speak for {quoted(entity_id)} only"
             return self._finish(account, Outcome(Verdict.INVALID, detail=detail))
         hint, repairs = announcement.hint, announcement.repairs
-        text_bytes = clean_bytes(hint, self._limits)
-        if not text_bytes:
+        content_bytes = clean_size(hint, self._limits)
+        if not content_bytes:
             checked = validate(hint, self._limits)
             if isinstance(checked, Rejected):
                 return self._finish(account, Outcome(Verdict.INVALID, detail=checked.reason))
@@ -233,7 +233,7 @@ class Intake:
                 sent_ns = self._sent_ns(account, stamped, self._now_ns())
             self._report_skew(account)
         run = incarnation[:MAX_SOURCE_NAME]
-        message = Claimant(hint, account.name, run, sequence, sent_ns, text_bytes)
+        message = Claimant(hint, account.name, run, sequence, sent_ns, content_bytes)
         with self._lock:
             verdict, record, version = self.store.take(message)
             if verdict in ACCEPTED:

@@ -1,6 +1,6 @@
 """Every cap in the core: which flood it stops, why this number, and who else chose it.
 
-Lengths count bytes of UTF-8, as on the wire.
+Lengths of texts count bytes of UTF-8, as on the wire; a store's bytes are those of memory.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ __all__ = [
     "MAX_STORE_BYTES",
     "METADATA_ENTRY_BYTES",
     "HintLimits",
+    "held_bytes",
     "hint_bytes",
 ]
 
@@ -121,36 +122,44 @@ MAX_LOG_CHARS = 120
 """Foreign text in one log line, after escaping (upstream logged 2 MB for a 1 MB id)."""
 
 
-def hint_bytes(hint: BeaconHint, text_bytes: int = 0) -> int:
+def hint_bytes(hint: BeaconHint, content_bytes: int = 0) -> int:
     """What one hint is accounted for in the byte cap: about the memory it holds.
 
-    Its text in bytes, and an overhead for the hint and for each of its entries. ``text_bytes``
-    spares the counting of the text where that was done before.
+    An overhead, its text, and what each of its entries takes. ``content_bytes`` is the last two,
+    where they have been counted before.
     """
-    overhead = (
-        HINT_OVERHEAD_BYTES
-        + (len(hint.function_ids) + len(hint.depends_on)) * LIST_ENTRY_BYTES
-        + len(hint.metadata) * METADATA_ENTRY_BYTES
-    )
-    return overhead + (text_bytes or _text_bytes(hint))
+    return HINT_OVERHEAD_BYTES + (content_bytes or _content_bytes(hint))
 
 
-def _text_bytes(hint: BeaconHint) -> int:
-    text = "".join(
-        (
-            hint.entity_id,
-            hint.stable_id,
-            hint.display_name,
-            hint.component_id,
-            hint.transport_type,
-            hint.negotiated_format,
-            hint.process_name,
-            hint.hostname,
-            *hint.function_ids,
-            *hint.depends_on,
-            *hint.metadata,
-            *hint.metadata.values(),
-        )
+def held_bytes(text: str) -> int:
+    """What a text takes in memory: each character as many bytes as the widest of them needs.
+
+    A single emoji makes Python keep a thousand ASCII letters as four thousand bytes.
+    """
+    length = len(text)
+    if text.isascii() or len(text.encode("latin-1", "ignore")) == length:
+        return length
+    # Not every hint in a store has been validated: there may be lone surrogates.
+    fits_two = len(text.encode("utf-16-le", "surrogatepass")) == 2 * length
+    return length * (2 if fits_two else 4)
+
+
+def _content_bytes(hint: BeaconHint) -> int:
+    texts = (
+        hint.entity_id,
+        hint.stable_id,
+        hint.display_name,
+        hint.component_id,
+        hint.transport_type,
+        hint.negotiated_format,
+        hint.process_name,
+        hint.hostname,
+        *hint.function_ids,
+        *hint.depends_on,
+        *hint.metadata,
+        *hint.metadata.values(),
     )
-    # Not every hint in a store has been validated, so lone surrogates count as what they take.
-    return len(text) if text.isascii() else len(text.encode("utf-8", "surrogatepass"))
+    listed = len(hint.function_ids) + len(hint.depends_on)
+    entries = listed * LIST_ENTRY_BYTES + len(hint.metadata) * METADATA_ENTRY_BYTES
+    together = "".join(texts)
+    return entries + (len(together) if together.isascii() else sum(map(held_bytes, texts)))

@@ -59,7 +59,7 @@ class Record:
         self.runs: Runs = ()
         """Former incarnations: of those that still speak, or are among the rivals, nothing."""
         self.restarts = 0
-        self.size = hint_bytes(first.hint, first.text_bytes)
+        self.size = hint_bytes(first.hint, first.content_bytes)
         self.revision = 0
         """The store's revision at the last change; 0 once the record has ended."""
         self.due_ns = self.slot = self.slot_end_ns = NEVER

@@ -332,7 +332,7 @@ class HintStore:
         merged = merge(record.hint, message.hint)
         if merged is record.hint:
             return Verdict.REFRESHED
-        size = hint_bytes(merged, message.text_bytes if merged is message.hint else 0)
+        size = hint_bytes(merged, message.content_bytes if merged is message.hint else 0)
         if record.rivals:
             size += claimed_bytes(record.rivals)
         growth = size - record.size

@@ -13,14 +13,23 @@ from collections.abc import Iterable, Mapping, Sized
 import attrs
 
 from beacon_core.hint import BeaconHint
-from beacon_core.limits import DEFAULT_LIMITS, MAX_PROCESS_ID, HintLimits
+from beacon_core.limits import (
+    DEFAULT_LIMITS,
+    LIST_ENTRY_BYTES,
+    MAX_PROCESS_ID,
+    METADATA_ENTRY_BYTES,
+    HintLimits,
+    held_bytes,
+)
 from beacon_core.repairs import Repairs, mended
 from beacon_core.text import quoted
 
-__all__ = ["Accepted", "Rejected", "clean_bytes", "is_valid_id", "validate"]
+__all__ = ["Accepted", "Rejected", "clean_size", "is_valid_id", "validate"]
 
 _ID_BYTES = (string.ascii_letters + string.digits + "_-").encode()
 _FREE_STRINGS = 5
+_SINGLE_IDS = 3
+_VALUE_BYTES = METADATA_ENTRY_BYTES - LIST_ENTRY_BYTES
 
 
 @attrs.frozen
@@ -47,7 +56,7 @@ def validate(hint: BeaconHint, limits: HintLimits = DEFAULT_LIMITS) -> Accepted 
     Never raises for any text. Idempotent: an accepted hint is accepted again as the same object
     and without repairs. Thread rule: any thread; it keeps nothing.
     """
-    if clean_bytes(hint, limits):
+    if clean_size(hint, limits):
         return Accepted(hint, ())
     if not _is_id(hint.entity_id, limits.max_id_length):
         return Rejected(
@@ -64,8 +73,9 @@ def is_valid_id(text: str) -> bool:
     return _is_id(text, DEFAULT_LIMITS.max_id_length)
 
 
-def clean_bytes(hint: BeaconHint, limits: HintLimits) -> int:
-    """The bytes of text of a hint that needs no mending; 0 for any other.
+def clean_size(hint: BeaconHint, limits: HintLimits) -> int:
+    """What the words of a hint that needs no mending take, for ``limits.hint_bytes``; 0 for any
+    other.
 
     Nearly every hint is clean, so this is made to be fast, and may be asked before ``validate``.
     It may say 0 of a clean hint if limits are unusual, but never more of another.
@@ -88,7 +98,8 @@ def clean_bytes(hint: BeaconHint, limits: HintLimits) -> int:
     ]
     try:
         id_bytes = "".join(ids).encode()
-        text_length = len("".join(texts).encode())
+        text = "".join(texts)
+        text_length = len(text.encode())
     except UnicodeEncodeError:
         return 0
     max_id, max_key = limits.max_id_length, limits.max_metadata_key_length
@@ -109,7 +120,14 @@ def clean_bytes(hint: BeaconHint, limits: HintLimits) -> int:
         and len(keys) <= limits.max_metadata_entries
         and 0 <= hint.process_id <= MAX_PROCESS_ID
     )
-    return len(id_bytes) + text_length if clean else 0
+    if not clean:
+        return 0
+    # As many bytes as characters: then all of it is ASCII, as ids are.
+    if len(text) != text_length:
+        text_length = sum(map(held_bytes, texts))
+    # A key is an id too, and its value comes on top.
+    entries = (len(ids) - _SINGLE_IDS) * LIST_ENTRY_BYTES + len(keys) * _VALUE_BYTES
+    return len(id_bytes) + text_length + entries
 
 
 def _is_id(text: str, max_length: int) -> bool:

@@ -484,7 +484,13 @@ def hint_bytes(hint: Hint) -> int:
         texts += [key, value]
     ids = len(hint["function_ids"]) + len(hint["depends_on"])
     entries = ids * ID_BYTES + len(hint["metadata"]) * METADATA_BYTES
-    return OVERHEAD_BYTES + entries + sum(len(text.encode()) for text in texts)
+    return OVERHEAD_BYTES + entries + sum(len(text) * bytes_per_character(text) for text in texts)
+
+
+def bytes_per_character(text: str) -> int:
+    """Python takes as many for each as the last one in Unicode needs."""
+    last = max(map(ord, text), default=0)
+    return 1 if last < 2**8 else 2 if last < 2**16 else 4
 
 
 def first(voices: Any) -> Voice | None:

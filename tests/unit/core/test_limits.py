@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import json
+import sys
 import tracemalloc
 from collections.abc import Callable, Iterable
 from unittest.mock import patch
@@ -23,6 +24,7 @@ from beacon_core.limits import (
     MAX_STORE_BYTES,
     METADATA_ENTRY_BYTES,
     HintLimits,
+    held_bytes,
     hint_bytes,
 )
 from beacon_core.outcome import Verdict
@@ -95,25 +97,34 @@ def test_every_entry_of_a_list_and_of_the_metadata_has_its_weight() -> None:
     assert hint_bytes(hint) == HINT_OVERHEAD_BYTES + entries + 1 + 2 + 3 + 4 + 5
 
 
-def test_weight_is_in_bytes_of_utf8_not_in_characters() -> None:
-    assert hint_bytes(BeaconHint("", hostname="aé日\N{GRINNING FACE}")) == (
-        HINT_OVERHEAD_BYTES + 1 + 2 + 3 + 4
-    )
-
-
-def test_a_hint_that_nobody_has_validated_can_be_weighed_too() -> None:
-    assert hint_bytes(BeaconHint("", hostname="\udcff")) == HINT_OVERHEAD_BYTES + 3
+@pytest.mark.parametrize(
+    ("text", "size"),
+    [
+        ("", 0),
+        ("abcd", 4),
+        ("abcé", 4),
+        ("abc日", 8),
+        ("abc\N{GRINNING FACE}", 16),
+        # Nobody may have validated it.
+        ("abc\udcff", 8),
+        ("\udcff\N{GRINNING FACE}", 8),
+    ],
+)
+def test_each_character_weighs_as_much_as_the_widest_of_its_text(text: str, size: int) -> None:
+    assert held_bytes(text) == size
+    # What is left is the same for all, whatever Python's version: not the text, but its object.
+    assert 0 < sys.getsizeof(text) - size <= 80
+    beside = BeaconHint("", hostname=text, display_name="ab", metadata={"k": text})
+    assert hint_bytes(beside) == HINT_OVERHEAD_BYTES + METADATA_ENTRY_BYTES + 3 + 2 * size
 
 
 def test_the_largest_hint_weighs_what_is_said_of_it() -> None:
     assert 1.1 < hint_bytes(FULL) * MAX_HINTS / 2**30 < 1.25
 
 
-def test_text_that_was_counted_before_is_not_counted_again_but_entries_are() -> None:
-    assert hint_bytes(BeaconHint("abc"), 7) == HINT_OVERHEAD_BYTES + 7
+def test_words_that_were_counted_before_are_not_counted_again() -> None:
     listing = BeaconHint("abc", function_ids=("a",), metadata={"b": "c"})
-    entries = LIST_ENTRY_BYTES + METADATA_ENTRY_BYTES
-    assert hint_bytes(listing, 7) == HINT_OVERHEAD_BYTES + entries + 7
+    assert hint_bytes(listing, 7) == HINT_OVERHEAD_BYTES + 7
 
 
 # -- against what it takes -----------------------------------------------------------------------
@@ -154,6 +165,13 @@ UNLIKE_ANY_OTHER: dict[str, tuple[float, Callable[[int], BeaconHint]]] = {
         1.2,
         lambda n: BeaconHint(
             f"e{n:04}", function_ids=own_ids(n, 100, "f"), depends_on=own_ids(n, 100, "d")
+        ),
+    ),
+    "50 long values, each with an emoji": (
+        1.2,
+        lambda n: BeaconHint(
+            f"e{n:04}",
+            metadata={key: f"{key:x<900}\N{GRINNING FACE}" for key in own_ids(n, 50, "k")},
         ),
     ),
     "200 ids and 50 entries": (

@@ -58,11 +58,11 @@ def test_a_record_begins_with_its_first_message() -> None:
 
 
 def test_a_record_is_as_large_as_its_words() -> None:
-    assert record(BeaconHint("e", display_name="é")).size == HINT_OVERHEAD_BYTES + 3
+    assert record(BeaconHint("e", display_name="żx")).size == HINT_OVERHEAD_BYTES + 1 + 4
 
 
 def test_words_that_were_counted_already_are_not_counted_again() -> None:
-    message = Claimant(BeaconHint("e"), "s", "i", 5, 100, text_bytes=50)
+    message = Claimant(BeaconHint("e"), "s", "i", 5, 100, content_bytes=50)
     assert Record(message, Status.ACTIVE, Cause.HEARD).size == HINT_OVERHEAD_BYTES + 50
 
 

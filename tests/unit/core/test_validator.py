@@ -10,9 +10,9 @@ import attrs
 import pytest
 
 from beacon_core.hint import NO_METADATA, BeaconHint
-from beacon_core.limits import DEFAULT_LIMITS, MAX_LOG_CHARS, MAX_REPAIRS, HintLimits
+from beacon_core.limits import DEFAULT_LIMITS, MAX_LOG_CHARS, MAX_REPAIRS, HintLimits, hint_bytes
 from beacon_core.testing.examples import BENCH_HINT
-from beacon_core.validator import Accepted, Rejected, is_valid_id, validate
+from beacon_core.validator import Accepted, Rejected, clean_size, is_valid_id, validate
 
 VECTORS = Path(__file__).parents[2] / "data" / "vectors" / "validator.jsonl"
 CASES = [json.loads(line) for line in VECTORS.read_text(encoding="utf-8").splitlines()]
@@ -363,6 +363,14 @@ def test_a_clean_hint_comes_back_as_the_same_object(hint: BeaconHint) -> None:
     assert isinstance(given, Accepted)
     assert given.hint is hint
     assert given.repairs == ()
+
+
+@pytest.mark.parametrize("name", ["", "plain", "Müller", "Zażółć", "a robot \N{ROBOT FACE}"])
+def test_what_is_counted_of_a_clean_hint_is_what_weighing_it_would_give(name: str) -> None:
+    hint = BeaconHint("e", display_name=name, function_ids=("f",), metadata={"k": name, "l": "v"})
+    counted = clean_size(hint, DEFAULT_LIMITS)
+    assert counted > 2 * len(name)
+    assert hint_bytes(hint, counted) == hint_bytes(hint)
 
 
 def test_a_hint_at_all_its_limits_comes_back_as_the_same_object() -> None:
