@@ -218,6 +218,59 @@ def test_a_robot_whose_clock_is_set_or_ours_is_never_stale_while_it_talks(
         assert beat < 3 or stored.status is Status.ACTIVE
 
 
+def talk(road: Road, number: int, *, behind_ns: int) -> Verdict:
+    """One beat of a robot whose clock is behind."""
+    stamp_ns = road.clock.wall_ns() - behind_ns
+    return road.intake.offer(
+        b'{"entity_id": "a"}', "r1", stamp_ns=stamp_ns, incarnation="i", sequence=number
+    ).verdict
+
+
+@pytest.mark.parametrize(
+    ("policy", "behind_ns", "silent_ns"),
+    [
+        # A clock that is measured to be off is corrected; a little could as well be delay.
+        (SkewPolicy.AUTO, 5 * S, 0),
+        (SkewPolicy.AUTO, 100 * S, 0),
+        (SkewPolicy.AUTO, S * 8 // 10, S * 8 // 10),
+        (SkewPolicy.STAMP, 5 * S, 5 * S),
+        (SkewPolicy.ARRIVAL, 5 * S, 0),
+        (SkewPolicy.AUTO, -5 * S, 0),
+    ],
+)
+def test_after_a_loss_a_robot_is_back_when_its_stamps_as_far_as_believed_have_passed_it(
+    make: Callable[..., Road], policy: SkewPolicy, behind_ns: int, silent_ns: int
+) -> None:
+    road = make(skew_policy=policy)
+    for number in range(1, 6):
+        talk(road, number, behind_ns=behind_ns)
+        road.clock.advance(2 * S)
+    assert road.intake.lost("a", "r1", incarnation="i").verdict is Verdict.LOST
+    if silent_ns:
+        road.clock.advance(silent_ns - 1)
+        # A higher number proves that it is later than the last message, not than the loss.
+        assert talk(road, 6, behind_ns=behind_ns) is Verdict.OLDER
+        road.clock.advance(1)
+    assert talk(road, 6, behind_ns=behind_ns) is Verdict.REFRESHED
+    stored = road.store.get("a")
+    assert stored is not None
+    assert stored.status is Status.ACTIVE
+
+
+def test_after_a_loss_a_robot_whose_clock_was_set_back_is_back_with_its_fourth_message(
+    road: Road,
+) -> None:
+    for number in range(1, 6):
+        talk(road, number, behind_ns=0)
+        road.clock.advance(2 * S)
+    road.intake.lost("a", "r1", incarnation="i")
+    said = []
+    for number in range(6, 10):
+        road.clock.advance(S)
+        said.append(talk(road, number, behind_ns=3600 * S))
+    assert said == [Verdict.OLDER] * 3 + [Verdict.REFRESHED]
+
+
 def test_what_comes_after_an_account_was_folded_away_is_counted_all_the_same(
     road: Road, monkeypatch: pytest.MonkeyPatch
 ) -> None:
