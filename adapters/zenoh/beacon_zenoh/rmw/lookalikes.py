@@ -41,10 +41,7 @@ class Robot:
         type_name: str = TYPE_NAME,
         type_hash: str = TYPE_HASH,
     ) -> None:
-        config = session_config(
-            ZenohOptions(connect=(endpoint,), config={"timestamping": {"enabled": True}}), "client"
-        )
-        self.session = zenoh.open(config.make())
+        self.session = _open(endpoint)
         zid = str(self.session.zid())
         self.node = Member(Kind.NODE, domain, zid, 0, 0, "talker", "/fleet/r1")
         self.member = attrs.evolve(
@@ -125,3 +122,16 @@ class Ear:
     def close(self) -> None:
         """End its session, and with it its tokens."""
         self.session.close()  # type: ignore[no-untyped-call]
+
+
+def _open(endpoint: str) -> zenoh.Session:
+    """A session with rmw_zenoh's settings: a peer that has a router, and finds others by gossip.
+
+    It waits 500 ms for its router, before which what it says is lost.
+    """
+    scouting = {"gossip": {"enabled": True}, "delay": 500}
+    settings = {"timestamping": {"enabled": True}, "scouting": scouting}
+    options = ZenohOptions(
+        mode="peer", connect=(endpoint,), listen=("tcp/127.0.0.1:0",), config=settings
+    )
+    return zenoh.open(session_config(options, "peer").make())
