@@ -223,12 +223,11 @@ class RmwTopicSource:
         if self._keeper.config.mode == "client" and not self._keeper.connected:
             why = "the gateway itself lost its connection to the router"
         for publisher in self._publishers.unlisted(token):
-            name = publisher.name
-            for entity_id in publisher.entities.keys() - publisher.missed:
-                publisher.missed.add(entity_id)
+            # Through the gate, as words of the same publisher may be on their way to the sink.
+            spoken_for = self._gate.let(partial(_missing, publisher)) or ()
+            for entity_id in spoken_for:
                 self._count("lost")
-                told = partial(_lost, entity_id, name, why)
-                self._gate.let(told)
+                self._gate.let(partial(_lost, entity_id, publisher.name, why))
 
     # -- in callback threads of Zenoh's ----------------------------------------------------------
 
@@ -367,6 +366,13 @@ class RmwTopicSource:
 
 
 _OUR_QOS = Qos(durability=1, depth=1)
+
+
+def _missing(publisher: Heard, _: HintSink) -> list[str]:
+    """Whom a publisher that has gone spoke for, and was not missed yet; from now on they are."""
+    newly = list(publisher.entities.keys() - publisher.missed)
+    publisher.missed.update(newly)
+    return newly
 
 
 def _lost(entity_id: str, name: str, why: str, sink: HintSink) -> None:
