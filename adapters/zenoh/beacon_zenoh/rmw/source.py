@@ -15,6 +15,7 @@ from beacon_core.ports.sink import HintSink
 from beacon_core.wire.medkit import GOODBYE, NO_STAMP, TYPE_HASH, TYPE_NAME, said_goodbye
 from beacon_zenoh.gate import Gate
 from beacon_zenoh.keys import Token
+from beacon_zenoh.questions import EVERYBODY, Questions
 from beacon_zenoh.rmw.attachment import decode
 from beacon_zenoh.rmw.graph import Graph
 from beacon_zenoh.rmw.keys import data_key, data_key_of, every_hash, kept_by
@@ -29,9 +30,6 @@ from beacon_zenoh.session import CLOSE_WITHIN_S, SessionKeeper
 __all__ = ["RmwTopicSource"]
 
 _log = logging.getLogger(__name__)
-
-_ASK_ALL_ABOVE = 16
-"""From so many on, one question to everybody is cheaper than one to each."""
 
 _ANSWER_WITHIN_S = 2.0
 """How long a question stays open: a hung publisher costs no more than its slot until then."""
@@ -81,6 +79,7 @@ class RmwTopicSource:
         self._publishers = Publishers(admits)
         self._known = self._publishers.heard.get
         self._roster = Roster()
+        self._questions = Questions(time.monotonic_ns())
         self._awaited = self._roster.awaited
         self._gate = Gate()
         # Held during each report of a token: what an old session still has to tell is not heard.
@@ -122,6 +121,7 @@ class RmwTopicSource:
                 "bad-tokens": self.graph.malformed,
                 "nodes": self.graph.size(),
                 "publishers": len(self._publishers),
+                "questions-postponed": self._questions.postponed,
                 "renewals": self._keeper.renewed,
                 "refused": self._publishers.refused + self.graph.refused,
                 "sink-errors": self._gate.errors,
@@ -177,11 +177,15 @@ class RmwTopicSource:
         due = self._roster.due(now_ns)
         for token in due.lost:
             self._lose(bytes.fromhex(token.entity_id))
-        if session is not None and due.ask:
-            self._ask_those(session, [bytes.fromhex(one) for one in due.ask])
+        self._questions.want(one for one in due.ask if self._keeps(one))
+        if session is None:
+            self._questions.drop()
+        else:
+            self._ask_who_waits(session, now_ns)
         times = (
             self._roster.next_due_ns(),
             self._publishers.next_due_ns(),
+            self._questions.next_due_ns(),
             self._sweep_at_ns,
             renew_at_ns,
         )
@@ -194,29 +198,31 @@ class RmwTopicSource:
         client = self._keeper.config.mode == "client"
         return self._reported_ns + _QUIET_NS if worn and client else None
 
-    def _ask_those(self, session: zenoh.Session, tokens: list[bytes]) -> None:
-        """Of those who keep what they said, ask to be told it."""
-        keepers = [
-            member
-            for token in tokens
-            if (member := self._publishers.member(token)) is not None and member.qos.keeps
-        ]
-        if len(keepers) > _ASK_ALL_ABOVE:
-            topic = self._options.topic
-            domains = {member.domain for member in keepers}
-            questions = {kept_by(every_hash(one, topic, TYPE_NAME)) for one in domains}
-        else:
-            questions = {kept_by(data_key(one.data_key), one.zid) for one in keepers}
-        for question in questions:
-            self._count("asked")
-            session.get(
-                question,
-                self._on_reply,
-                # Anyone could declare a queryable "complete" and be the only one to be asked.
-                target=zenoh.QueryTarget.ALL,
-                consolidation=zenoh.ConsolidationMode.NONE,
-                timeout=_ANSWER_WITHIN_S,
-            )
+    def _keeps(self, name: str) -> bool:
+        """Does the publisher with this token keep what it said?"""
+        member = self._publishers.member(bytes.fromhex(name))
+        return member is not None and member.qos.keeps
+
+    def _ask_who_waits(self, session: zenoh.Session, now_ns: int) -> None:
+        """Ask to be told what publishers keep."""
+        for name in self._questions.take(now_ns):
+            if name == EVERYBODY:
+                topic = self._options.topic
+                for domain in self._options.ros_domain_ids:
+                    self._ask(session, kept_by(every_hash(domain, topic, TYPE_NAME)))
+            elif (member := self._publishers.member(bytes.fromhex(name))) is not None:
+                self._ask(session, kept_by(data_key(member.data_key), member.zid))
+
+    def _ask(self, session: zenoh.Session, question: str) -> None:
+        self._count("asked")
+        session.get(
+            question,
+            self._on_reply,
+            # Anyone could declare a queryable "complete" and be the only one to be asked.
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            timeout=_ANSWER_WITHIN_S,
+        )
 
     def _lose(self, token: bytes) -> None:
         why = "its node left the ROS graph without a goodbye"

@@ -19,16 +19,17 @@ from beacon_core.ports.health import Condition
 from beacon_core.testing.harness import Listener
 from beacon_core.wire import cdr
 from beacon_core.wire.medkit import TYPE_HASH, farewell
+from beacon_zenoh import questions
 from beacon_zenoh.config import session_config
 from beacon_zenoh.harness import free_endpoint
 from beacon_zenoh.rmw import RmwOptions, attachment
 from beacon_zenoh.rmw import announcer as module
-from beacon_zenoh.rmw import source as source_module
 from beacon_zenoh.rmw.announcer import RmwTopicAnnouncer
 from beacon_zenoh.rmw.graph import Graph
 from beacon_zenoh.rmw.harness import RmwHarness
-from beacon_zenoh.rmw.lookalikes import Ear, Robot
+from beacon_zenoh.rmw.lookalikes import KEEPS, Ear, Robot
 from beacon_zenoh.rmw.qos import DEFAULT_QOS
+from beacon_zenoh.rmw.session import hint_member, node_member
 from beacon_zenoh.rmw.source import RmwTopicSource
 from beacon_zenoh.rmw.tokens import Kind, gid_of, token_key
 
@@ -348,7 +349,7 @@ def ask(session: zenoh.Session, announcer: RmwTopicAnnouncer, parameters: str) -
 def test_those_who_keep_their_words_are_asked_together_or_one_by_one(
     harness: RmwHarness, monkeypatch: pytest.MonkeyPatch, above: int
 ) -> None:
-    monkeypatch.setattr(source_module, "_ASK_ALL_ABOVE", above)
+    monkeypatch.setattr(questions, "ASK_ALL_ABOVE", above)
     announcers = [harness.announcer() for _ in range(10)]
     for number, announcer in enumerate(announcers):
         announcer.announce(BeaconHint(f"robot-{number}"))
@@ -356,6 +357,21 @@ def test_those_who_keep_their_words_are_asked_together_or_one_by_one(
     within(harness, lambda: early.store.size() == 10, "all have spoken", 10.0)
     late.start()
     within(harness, lambda: late.store.size() == 10, "all are known")
+
+
+def test_who_invents_publishers_does_not_make_us_ask_all_the_time(harness: RmwHarness) -> None:
+    listener = Listener(harness).start()
+    session = zenoh.open(session_config(harness.options(), "client").make())
+    node = node_member(0, str(session.zid()), 0, "inventor")
+    invented = [hint_member(node, Kind.PUBLISHER, n + 1, TOPIC, KEEPS) for n in range(500)]
+    declare = session.liveliness().declare_token
+    tokens = [declare(token_key(one)) for one in invented]
+    within(harness, lambda: counters(listener)["publishers"] == 500, "they are seen", 10.0)
+    assert not harness.wait_until(lambda: counters(listener)["asked"] > 70, 1.5)
+    assert counters(listener)["asked"] > 0
+    assert counters(listener)["questions-postponed"] > 0
+    assert len(tokens) == 500
+    session.close()
 
 
 @pytest.mark.parametrize(
