@@ -8,8 +8,9 @@ from collections.abc import Iterator, Sequence
 import attrs
 
 from beacon_core.entities import App, Component, Entities
+from beacon_gateway.departures import Departures
 from beacon_gateway.listener import Listener
-from beacon_gateway.views import Beacon, View
+from beacon_gateway.views import Beacon, View, with_departure
 
 __all__ = ["Directory", "Found", "Kind"]
 
@@ -35,16 +36,22 @@ class Found:
 
 
 class Directory:
-    """Answers from the stores as they are now; keeps nothing.
+    """Answers from the stores as they are now, and from who went last; keeps nothing itself.
 
     Thread rule: every method may be called from any thread.
     """
 
     def __init__(
-        self, known: Entities, listeners: Sequence[Listener], *, allow_new_entities: bool
+        self,
+        known: Entities,
+        listeners: Sequence[Listener],
+        departures: Departures,
+        *,
+        allow_new_entities: bool,
     ) -> None:
         self._known = known
         self._listeners = listeners
+        self._departures = departures
         self._allow_new_entities = allow_new_entities
 
     def apps(self) -> Iterator[Found]:
@@ -92,11 +99,14 @@ class Directory:
 
     def beacon(self, entity_id: str) -> Beacon | None:
         """What the sources say of it, whether or not such an entity is known."""
-        return Beacon.of(
+        # First this: a store that forgets a departure meanwhile has told of it before.
+        departure = self._departures.last(entity_id)
+        views = [
             View(listener.name, listener.adapter, stored)
             for listener in self._listeners
             if (stored := listener.store.get(entity_id)) is not None
-        )
+        ]
+        return Beacon.of(with_departure(views, departure))
 
     def _named(self, entity: App | Component) -> Found:
         """The known entity; what the tree does not say of it, its beacon may."""

@@ -8,8 +8,10 @@ import time
 from collections.abc import Iterable
 
 from beacon_core.clock import Clock, SystemClock
+from beacon_core.limits import MAX_HINTS
 from beacon_gateway.adapters import load_adapter
 from beacon_gateway.config import Config, Lookup
+from beacon_gateway.departures import Departures
 from beacon_gateway.directory import Directory
 from beacon_gateway.listener import Listener
 from beacon_gateway.vendor import vendor_endpoints
@@ -38,6 +40,7 @@ class Gateway:
         adapters = {name: lookup(source.adapter) for name, source in config.sources.items()}
         self.vendor_endpoints = vendor_endpoints(adapters)
         """Beside ours: each with the names of the adapters whose view is served there."""
+        departures = Departures(MAX_HINTS if len(config.sources) > 1 else 0)
         self.listeners = tuple(
             Listener(
                 name,
@@ -45,6 +48,7 @@ class Gateway:
                 adapters[name],
                 self.clock,
                 allow_new_entities=config.allow_new_entities,
+                departures=departures,
                 targets=config.entities.ros_nodes(),
             )
             for name, source in config.sources.items()
@@ -52,6 +56,7 @@ class Gateway:
         self.directory = Directory(
             config.entities.known(),
             self.listeners,
+            departures,
             allow_new_entities=config.allow_new_entities,
         )
         self._closing = threading.Event()

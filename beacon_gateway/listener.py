@@ -13,7 +13,10 @@ from beacon_core.mapper import IncrementalMapper
 from beacon_core.ports.adapter import Adapter
 from beacon_core.ports.targeted import Targeted
 from beacon_core.store import HintStore
+from beacon_core.stored import StoredHint
 from beacon_gateway.config import SourceConfig
+from beacon_gateway.departures import Departures, Witness
+from beacon_gateway.views import View
 
 __all__ = ["Listener"]
 
@@ -29,16 +32,19 @@ class Listener:
         clock: Clock,
         *,
         allow_new_entities: bool,
+        departures: Departures,
         targets: frozenset[str] = frozenset(),
     ) -> None:
         """Opens nothing. Raises ``ConfigError``, led by the source's place in the configuration.
 
+        ``departures`` is told who went.
         ``targets``: the nodes of the gateway's apps, for a source that asks them; none: it finds
         out by itself.
         """
         self.name = name
         self.adapter = adapter.name
         self._allow_new_entities = allow_new_entities
+        self._departures = departures
         try:
             self.store = HintStore(
                 clock, ttl_s=config.ttl_s, expiry_s=config.expiry_s, max_hints=config.max_hints
@@ -63,7 +69,7 @@ class Listener:
     def start(self) -> None:
         """Begin to listen. Raises ``ConfigError`` for what no amount of trying can mend."""
         try:
-            self.source.start(self.intake)
+            self.source.start(Witness(self.intake, self.store, self._note_departure))
         except BeaconError as error:
             raise self._at_its_place(error) from error
 
@@ -89,6 +95,9 @@ class Listener:
                 if entity_id not in known.apps and entity_id not in known.components
             )
         return ids
+
+    def _note_departure(self, stored: StoredHint) -> None:
+        self._departures.note(View(self.name, self.adapter, stored))
 
     def _left_now(self) -> dict[str, None]:
         changes = self.store.changes_since(self._left_revision)

@@ -5,18 +5,26 @@ they all have heard of. The freshest evidence wins: a message when it was sent; 
 when it was seen. Silence is no evidence while another source still hears the entity, because each
 carrier has its own beat. The winner is taken whole: two sources may speak of two processes, and
 their words are never mixed.
+
+An end outlives the store that heard of it. A store forgets a goodbye after its own time to live,
+while another source, whose time to live is longer, may still have the entity as ACTIVE from before.
+So the newest goodbye or loss of an entity stays in force, as one more view, until the source that
+told of it has another, or any source has heard the entity since, or no older view is left for it to
+outweigh. What is not heard of again is then unknown, as it is with one source.
 """
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable
+from collections.abc import Container, Iterable, Sequence
 
 import attrs
 
 from beacon_core.lifecycle import Cause, Status
 from beacon_core.stored import Claim, StoredHint
 
-__all__ = ["Beacon", "View"]
+__all__ = ["Beacon", "View", "ended_ns", "with_departure"]
+
+_GONE = frozenset({Cause.GOODBYE, Cause.LOST})
 
 
 @attrs.frozen
@@ -82,13 +90,30 @@ class Beacon:
         return ()
 
 
-def _freshness(view: View) -> tuple[bool, int]:
+def ended_ns(stored: StoredHint) -> int | None:
+    """When it was seen to go, on the monotonic clock; ``None`` if it was not."""
+    if stored.cause not in _GONE or not stored.history:
+        return None
+    return max(stored.last_seen_ns, stored.history[-1].at_ns)
+
+
+def with_departure(views: Sequence[View], departure: View | None) -> Sequence[View]:
+    """The views the sources have now, and a departure from before if it is still in force."""
+    if departure is None or any(view.source == departure.source for view in views):
+        return views
+    at_ns = ended_ns(departure.stored) or 0
+    if not views or any(view.stored.last_seen_ns > at_ns for view in views):
+        return views
+    return [*views, departure]
+
+
+def _freshness(view: View) -> tuple[bool, int, bool]:
+    """Of a message and an end at the same moment, the end is the fresher."""
     stored = view.stored
     if stored.cause in (Cause.SILENT, Cause.HEARD_LATE):
-        return False, stored.last_seen_ns
-    if stored.cause in (Cause.GOODBYE, Cause.LOST) and stored.history:
-        return True, max(stored.last_seen_ns, stored.history[-1].at_ns)
-    return True, stored.last_seen_ns
+        return False, stored.last_seen_ns, False
+    at_ns = ended_ns(stored)
+    return True, stored.last_seen_ns if at_ns is None else at_ns, at_ns is not None
 
 
 def _another_process(one: StoredHint, other: StoredHint) -> bool:

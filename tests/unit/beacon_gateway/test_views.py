@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import attrs
+import pytest
 
 from beacon_core.hint import BeaconHint
 from beacon_core.lifecycle import Cause, Status, Transition
 from beacon_core.stored import Claim, StoredHint
-from beacon_gateway.views import Beacon, View
+from beacon_gateway.views import Beacon, View, with_departure
 
 STATUS = {
     Cause.HEARD: Status.ACTIVE,
@@ -73,6 +74,33 @@ def test_silence_is_no_evidence_while_another_source_has_any() -> None:
     heard = view("heard", Cause.HEARD, 20)
     left = view("left", Cause.GOODBYE, 5, ended_ns=6)
     assert order(silent, heard, left, late) == ["heard", "left", "silent", "late"]
+
+
+def names(*views: View, departure: View | None) -> list[str]:
+    return [one.source for one in with_departure(views, departure)]
+
+
+def test_a_departure_that_its_source_has_forgotten_outweighs_older_views() -> None:
+    left = view("left", Cause.GOODBYE, 10, ended_ns=25)
+    older = [view("heard", Cause.HEARD, 25), view("silent", Cause.SILENT, 20)]
+    assert names(*older, departure=left) == ["heard", "silent", "left"]
+    assert order(*with_departure(older, left)) == ["left", "heard", "silent"]
+    lost = view("lost", Cause.LOST, 10, ended_ns=26)
+    assert order(*with_departure(older, lost))[0] == "lost"
+
+
+@pytest.mark.parametrize("cause", [Cause.HEARD, Cause.SILENT])
+def test_a_departure_says_nothing_once_the_entity_was_heard_since(cause: Cause) -> None:
+    left = view("left", Cause.GOODBYE, 10, ended_ns=25)
+    views = [view("old", Cause.HEARD, 20), view("new", cause, 26)]
+    assert names(*views, departure=left) == ["old", "new"]
+
+
+def test_a_departure_is_not_told_beside_what_its_source_says_now_nor_alone() -> None:
+    left = view("left", Cause.GOODBYE, 10, ended_ns=25)
+    assert names(view("left", Cause.HEARD, 5), departure=left) == ["left"]
+    assert names(departure=left) == []
+    assert names(view("heard", Cause.HEARD, 20), departure=None) == ["heard"]
 
 
 def test_only_an_active_one_is_online() -> None:
