@@ -197,7 +197,7 @@ class Asker:
             "failures": stats.failures,
             "cycles": stats.cycles,
             "cycles-cut": stats.cut_cycles,
-            "cycle-ms": stats.last_cycle_ns // _MS,
+            "cycle-us": stats.last_cycle_ns // 1000,
         }
 
     def silent(self) -> list[str]:
