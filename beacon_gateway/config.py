@@ -252,7 +252,7 @@ def _source(value: object, structurer: Structurer, lookup: Lookup) -> SourceConf
         given = {"ttl_s": adapter.default_ttl_s, **given}
         with structurer.at(".options"):
             given["options"] = structurer.part(options, adapter.options)
-    source = structurer.fields(given, SourceConfig)
+    source = _outliving_its_interval(structurer.fields(given, SourceConfig), structurer)
     if source.expiry_s > source.ttl_s:
         return source
     with structurer.at(".expiry_s"):
@@ -260,6 +260,22 @@ def _source(value: object, structurer: Structurer, lookup: Lookup) -> SourceConf
             f"{source.expiry_s} is not above ttl_s ({source.ttl_s}); using {10 * source.ttl_s}"
         )
     return attrs.evolve(source, expiry_s=10 * source.ttl_s)
+
+
+def _outliving_its_interval(source: SourceConfig, structurer: Structurer) -> SourceConfig:
+    """A hint that is asked for must live until the next time: longer than each option, in seconds,
+    that its field says so of (``metadata={"ttl_above": True}``)."""
+    fields = attrs.fields(type(source.options)) if attrs.has(type(source.options)) else ()
+    intervals = [field.name for field in fields if field.metadata.get("ttl_above")]
+    for name in intervals:
+        interval_s = getattr(source.options, name)
+        if source.ttl_s <= interval_s:
+            with structurer.at(".ttl_s"):
+                structurer.correct(
+                    f"{source.ttl_s} is not above {name} ({interval_s}); using {3 * interval_s}"
+                )
+            source = attrs.evolve(source, ttl_s=3 * interval_s)
+    return source
 
 
 def _adapter(name: object, structurer: Structurer, lookup: Lookup) -> Adapter | None:

@@ -8,6 +8,7 @@ An attrs class may say more about its fields than their types:
 
 * a validator that raises gives a problem at that field;
 * ``metadata={"at_least": 0.1}`` lifts a smaller number to that value and reports the correction;
+* ``metadata={"ttl_above": True}`` of a source's option is heeded in :mod:`.config`;
 * ``metadata={"right": "a port, 0 to 65535"}`` words what would be right.
 """
 

@@ -74,8 +74,11 @@ class RosParamOptions:
     targets: tuple[str, ...] = attrs.field(default=(), converter=_tuple, validator=_nodes)
     """The full names of the nodes to ask. None: the nodes of the gateway's apps; and if no app has
     one, every node of the graph whose name does not begin with ``_``."""
-    interval_s: float = attrs.field(default=5.0, validator=_waiting, metadata={"at_least": LEAST_S})
-    """Each node is asked once in this time."""
+    interval_s: float = attrs.field(
+        default=5.0, validator=_waiting, metadata={"at_least": LEAST_S, "ttl_above": True}
+    )
+    """Each node is asked once in this time. A source's ``ttl_s`` that is not longer is lifted to
+    three times as long, with a warning."""
     budget_s: float = attrs.field(default=10.0, validator=_waiting, metadata={"at_least": LEAST_S})
     """How long one round of asking may last, should it take longer than the interval."""
     timeout_s: float = attrs.field(default=2.0, validator=_waiting, metadata={"at_least": LEAST_S})

@@ -81,6 +81,30 @@ def test_in_a_file_what_is_too_small_is_lifted_and_that_is_told(
     assert correction.path == f"$.sources.nodes.options.{key}"
 
 
+@pytest.mark.parametrize(
+    ("ttl_s", "interval_s", "used", "corrected"),
+    [
+        (15.0, 5.0, 15.0, False),
+        (5.1, 5.0, 5.1, False),
+        (5.0, 5.0, 15.0, True),
+        (1, 400, 1200, True),
+    ],
+)
+def test_in_a_file_a_time_to_live_outlives_the_interval(
+    ttl_s: float, interval_s: float, used: float, *, corrected: bool
+) -> None:
+    nodes = {"adapter": "ros_param", "ttl_s": ttl_s, "options": {"interval_s": interval_s}}
+    loaded = parse_config({"sources": {"nodes": nodes}}, {"ros_param": ADAPTER}.__getitem__)
+    source = loaded.config.sources["nodes"]
+    assert source.ttl_s == used
+    assert source.expiry_s > source.ttl_s
+    told = [one.message for one in loaded.corrections if one.path == "$.sources.nodes.ttl_s"]
+    assert bool(told) == corrected
+    if corrected:
+        words = f"{float(ttl_s)} is not above interval_s ({float(interval_s)}); using {float(used)}"
+        assert told == [words]
+
+
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), "fast"])
 def test_in_a_file_what_is_no_number_is_refused(value: object) -> None:
     document = {"sources": {"nodes": {"adapter": "ros_param", "options": {"interval_s": value}}}}
