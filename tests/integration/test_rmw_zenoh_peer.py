@@ -33,7 +33,7 @@ from beacon_zenoh.rmw.harness import RmwHarness
 from beacon_zenoh.rmw.tokens import Kind
 
 # Making the environment takes half a minute, and more where the package index is slow.
-pytestmark = pytest.mark.timeout(600)
+pytestmark = [pytest.mark.timeout(600), pytest.mark.system]
 
 HERE = Path(__file__).parent
 DEFINITIONS = HERE.parent / "data" / "rmw_zenoh" / "definitions"

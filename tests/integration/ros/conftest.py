@@ -38,9 +38,12 @@ _NEEDED = ("ros-diagnostic-msgs~=5.3.6", "ros-std-msgs~=5.3.6")
 _BUILT = "\nbuilt\n"
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Whoever comes first builds the package, and the others wait for it."""
     for item in items:
+        if Path(__file__).parent in item.path.parents:
+            item.add_marker(pytest.mark.system)
         if "typed" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.timeout(400))
 
