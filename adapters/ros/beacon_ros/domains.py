@@ -13,6 +13,7 @@ from __future__ import annotations
 import os
 import random
 import socket
+from pathlib import Path
 from types import TracebackType
 from typing import Self
 
@@ -22,19 +23,27 @@ DOMAINS = range(1, 101)
 """0 is everybody's default. Above 101 the ports of DDS (7400 + 250 x domain) reach into those that
 the system gives to anyone (from 32768)."""
 
+_STAY_HERE = {
+    # Not LOCALHOST: rmw_fastrtps would add shared memory, whatever else is said.
+    "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
+    "FASTRTPS_DEFAULT_PROFILES_FILE": str(Path(__file__).with_name("loopback.xml")),
+}
+
 
 class DomainLease:
     """Holds ``domain_id`` until ``close`` or the end of the process; also a context manager.
 
     Others on the network know nothing of it. So from the first lease on, all ROS contexts that this
-    process makes, and those of its children, stay on this machine.
+    process makes, and those of its children, stay on this machine; and they use no shared memory,
+    which Fast DDS shares between all domains: a process that was killed leaves it locked, and then
+    others, of any domain, may not hear each other or hang.
     """
 
     domain_id: int
 
     def __init__(self) -> None:
         """Raises ``RuntimeError`` if all domains are taken."""
-        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        os.environ.update(_STAY_HERE)
         self._held = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         # At random: whoever was here before may not have left the network altogether.
         for domain_id in random.sample(DOMAINS, len(DOMAINS)):

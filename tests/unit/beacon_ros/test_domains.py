@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from beacon_ros import domains
 from beacon_ros.domains import DomainLease
+from beacon_ros.participant import OwnNode
 
 
 @pytest.fixture(autouse=True)
@@ -55,6 +57,11 @@ def test_a_process_that_is_killed_holds_nothing() -> None:
 
 
 def test_who_leases_a_domain_stays_on_this_machine(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE", raising=False)
-    with DomainLease():
-        assert os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+    for variable in ("ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTRTPS_DEFAULT_PROFILES_FILE"):
+        monkeypatch.delenv(variable, raising=False)
+    with DomainLease() as lease:
+        own = OwnNode("domains", lease.domain_id)
+        mapped = Path("/proc/self/maps").read_text()
+        own.close()
+    assert "<address>127.0.0.1<" in Path(os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"]).read_text()
+    assert "/dev/shm/fastrtps" not in mapped
