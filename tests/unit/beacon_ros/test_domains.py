@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from beacon_ros import domains
 from beacon_ros.domains import DomainLease
-from beacon_ros.participant import OwnNode
 
 
 @pytest.fixture(autouse=True)
@@ -56,12 +53,18 @@ def test_a_process_that_is_killed_holds_nothing() -> None:
         DomainLease().close()
 
 
-def test_who_leases_a_domain_stays_on_this_machine(monkeypatch: pytest.MonkeyPatch) -> None:
-    for variable in ("ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTRTPS_DEFAULT_PROFILES_FILE"):
-        monkeypatch.delenv(variable, raising=False)
-    with DomainLease() as lease:
-        own = OwnNode("domains", lease.domain_id)
-        mapped = Path("/proc/self/maps").read_text()
-        own.close()
-    assert "<address>127.0.0.1<" in Path(os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"]).read_text()
-    assert "/dev/shm/fastrtps" not in mapped
+def test_who_leases_a_domain_stays_on_this_machine_and_shares_no_memory() -> None:
+    program = (
+        "import os, pathlib\n"
+        "from beacon_ros.domains import DomainLease\n"
+        "from beacon_ros.participant import OwnNode\n"
+        "with DomainLease() as lease:\n"
+        "    own = OwnNode('domains', lease.domain_id)\n"
+        "    print(pathlib.Path('/proc/self/maps').read_text())\n"
+        "    print(pathlib.Path(os.environ['FASTRTPS_DEFAULT_PROFILES_FILE']).read_text())\n"
+        "    own.close()\n"
+    )
+    said = subprocess.check_output([sys.executable, "-c", program], text=True)
+    assert "<address>127.0.0.1</address>" in said
+    assert "libfastrtps" in said
+    assert "/fastrtps_port" not in said
