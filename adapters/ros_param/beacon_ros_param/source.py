@@ -47,6 +47,9 @@ _LOOK_AFTER_NS = (0, 100 * _MS, 500 * _MS)
 behind the names. Besides, as often as the names, or at a longer interval, once in that: nobody else
 tells that a node was started again. Takes 4 ms for 200 nodes."""
 
+_LOOK_AT_MOST_EVERY_NS = 100 * _MS
+"""However many events tell of nodes that nobody has seen."""
+
 _SHOWN = 3
 """Nodes that health names for one reason; of the others it tells the number."""
 
@@ -79,7 +82,7 @@ class RosParamSource:
         self._waiter: Waiter | None = None
         # The rest belongs to the waiter's thread.
         self._looks: list[int] = [0]
-        self._glance_ns = 0
+        self._glance_ns = self._looked_ns = 0
         self._runs: Mapping[str, set[str]] = {}
         if options.budget_s <= options.timeout_s:
             _log.warning(
@@ -164,13 +167,13 @@ class RosParamSource:
         if change is None or self._asker is None:
             return
         self._events += 1
-        now_ns = time.monotonic_ns()
-        if not self._asker.changed(change.node, now_ns, leaving=change.leaving):
-            self._look_soon(now_ns)
+        known = self._asker.changed(change.node, time.monotonic_ns(), leaving=change.leaving)
+        if not known and change.node not in self._runs:
+            self._look_soon()
 
     def on_matched(self, publishers: int) -> None:  # noqa: ARG002 - the same
         """A node came or went."""
-        self._look_soon(time.monotonic_ns())
+        self._look_soon()
 
     def on_incompatible(self, total: int) -> None:
         """Somebody's events cannot be heard, because of its QoS: then it is asked like others."""
@@ -205,16 +208,18 @@ class RosParamSource:
         if self._own is not None:
             self._own.close()
 
-    def _look_soon(self, now_ns: int) -> None:
-        self._looks = [now_ns + after_ns for after_ns in _LOOK_AFTER_NS]
+    def _look_soon(self) -> None:
+        first_ns = max(time.monotonic_ns(), self._looked_ns + _LOOK_AT_MOST_EVERY_NS)
+        self._looks = [first_ns + after_ns for after_ns in _LOOK_AFTER_NS]
 
     def _look(self, asker: Asker, now_ns: int) -> None:
         interval_ns = round(self._options.interval_s * 1e9)
         self._glance_ns = now_ns + min(_GLANCE_EVERY_NS, interval_ns)
         self._retargeted = False
         if node_names(self._node) != list(self._runs):
-            self._look_soon(now_ns)
+            self._looks = [now_ns + after_ns for after_ns in _LOOK_AFTER_NS]
         if now_ns >= self._looks[0]:
+            self._looked_ns = now_ns
             self._looks = self._looks[1:] or [now_ns + max(_GLANCE_EVERY_NS, interval_ns)]
             self._runs = runs(self._node)
         given = self._options.targets or self._targets

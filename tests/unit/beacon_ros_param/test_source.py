@@ -8,13 +8,16 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
 pytest.importorskip("rclpy", reason="rclpy is not installed: there is nobody to ask")
 
+from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import Parameter
+from rclpy.qos import qos_profile_parameter_events
 
 from beacon_core.clock import SystemClock
 from beacon_core.errors import ConfigError
@@ -23,6 +26,8 @@ from beacon_core.ports.health import Condition
 from beacon_core.store import HintStore
 from beacon_core.wire import json
 from beacon_ros.participant import OwnNode
+from beacon_ros_param import source as module
+from beacon_ros_param.events import EVENTS_TOPIC, runs
 from beacon_ros_param.options import RosParamOptions
 from beacon_ros_param.source import RosParamSource
 
@@ -165,6 +170,32 @@ def test_a_node_that_leaves_is_lost_and_one_that_comes_back_is_a_restart(
     stored = listening.store.get("engine")
     assert stored is not None
     assert (stored.restarts, stored.source) == (1, "/engine")
+
+
+def test_events_of_nodes_that_are_not_there_cost_little(
+    listen: Listen, peers: Peers, wait_for: WaitFor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks: list[float] = []
+
+    def counted(node: Any) -> dict[str, set[str]]:
+        looks.append(time.monotonic())
+        return runs(node)
+
+    monkeypatch.setattr(module, "runs", counted)
+    forger = peers.new("forger")
+    listening = listen()
+    publisher = forger.create_publisher(ParameterEvent, EVENTS_TOPIC, qos_profile_parameter_events)
+    forged = Parameter(D + "entity_id", value="x").to_parameter_msg()
+    event = ParameterEvent(node="/nobody", new_parameters=[forged])
+
+    def flooded() -> bool:
+        publisher.publish(event)
+        return listening.source.health().counters["events"] >= 300
+
+    wait_for(flooded, "300 events are heard")
+    waits = [later - earlier for earlier, later in pairwise(looks)]
+    # Names that change are looked at without a pause: of the forger there are two.
+    assert sum(wait < 0.09 for wait in waits) <= 3
 
 
 def test_the_sender_is_the_full_name_of_the_node(
