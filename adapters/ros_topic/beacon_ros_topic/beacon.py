@@ -11,6 +11,7 @@ from typing import Any, cast
 import attrs
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -34,6 +35,10 @@ BEACON_QOS = QoSProfile(
 )
 """Offers the most, so that every listener can hear it; the last word is all that matters."""
 
+_ANEW_AGAIN_S = 0.3
+"""A new listener is told again after this: it may find out about the publisher later than the
+publisher about it (110 ms at the most, measured), and does not hear what is said in between."""
+
 _FAREWELL_WITHIN_S = 0.5
 
 
@@ -47,7 +52,7 @@ class TopicBeacon:
         beacon.update(metadata={"mode": "calibrating"})  # sent at once
 
     Process id, process name and hostname are this process's unless the hint gives them. The period
-    is one of real time, whatever ``use_sim_time`` says.
+    is one of real time, whatever ``use_sim_time`` says. Whoever begins to listen is told at once.
 
     It says goodbye on ``close``, when the node is destroyed, when ROS is shut down, and at the end
     of the program, whichever comes first; so also on Ctrl-C and SIGTERM, if the program does with
@@ -65,7 +70,7 @@ class TopicBeacon:
         topic: str = DEFAULT_TOPIC,
         qos: QoSProfile = BEACON_QOS,
     ) -> None:
-        """Speaks at once. Raises ``UsageError`` for an id that is none, ``ConfigError`` for a
+        """Raises ``UsageError`` for an id that is none, ``ConfigError`` for a
         period that is not above 0, or where the message type is neither installed nor to be made.
         """
         if not 0 < period_s < float("inf"):
@@ -77,14 +82,13 @@ class TopicBeacon:
         # A program's own signal handler may shut ROS down in the middle of a beat.
         self._lock = threading.RLock()
         self._closed = False
-        message = message_type(TYPE_NAME, TYPE_HASH)
-        self._publisher = cast(
-            "_MindfulPublisher",
-            node.create_publisher(message, topic, qos, publisher_class=_MindfulPublisher),
-        )
+        with self._lock:  # the node may be spun already
+            self._publisher = self._make_publisher(topic, qos)
+            steady = Clock(clock_type=ClockType.STEADY_TIME)
+            self._timer = node.create_timer(period_s, self._say, clock=steady)
+            self._again = node.create_timer(_ANEW_AGAIN_S, self._say_again, clock=steady)
+            self._again.cancel()
         self._publisher.before_destroy = self._last_word
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = node.create_timer(period_s, self._say, clock=steady)
         self._stop_telling = at_shutdown(node.context, self._last_word)
         _open.add(self)
         self._say()
@@ -118,8 +122,28 @@ class TopicBeacon:
         if self._pid != os.getpid():
             return
         self._last_word()
-        self._node.destroy_timer(self._timer)
+        for timer in (self._timer, self._again):
+            self._node.destroy_timer(timer)
         self._node.destroy_publisher(self._publisher)
+
+    def _make_publisher(self, topic: str, qos: QoSProfile) -> _MindfulPublisher:
+        made = self._node.create_publisher(
+            message_type(TYPE_NAME, TYPE_HASH),
+            topic,
+            qos,
+            event_callbacks=PublisherEventCallbacks(matched=self._on_matched),
+            publisher_class=_MindfulPublisher,
+        )
+        return cast("_MindfulPublisher", made)
+
+    def _on_matched(self, status: Any) -> None:
+        if status.current_count_change > 0:
+            self._say()
+            self._again.reset()
+
+    def _say_again(self) -> None:
+        self._again.cancel()
+        self._say()
 
     def _say(self) -> None:
         try:

@@ -67,6 +67,7 @@ def met(made: RosTopicAnnouncer, ear: Ear, eventually: Eventually) -> None:
         return ear.heard()
 
     eventually(heard)
+    eventually(lambda: made.health().counters["listeners"])
     made.withdraw("hello")
     eventually(lambda: ear.heard()[-1] == farewell("hello"))
     ear.forget()
