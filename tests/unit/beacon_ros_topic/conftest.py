@@ -75,10 +75,6 @@ def run_script(
 
 def _end(process: subprocess.Popen[str]) -> tuple[int, str, str]:
     out, err = process.communicate(timeout=DEADLINE_S)
-    # Fast DDS tells of shared memory that a killed process, anybody's, left in a bad state.
-    out = "".join(
-        line for line in out.splitlines(keepends=True) if "RTPS_TRANSPORT_SHM" not in line
-    )
     return process.returncode, out, err
 
 
