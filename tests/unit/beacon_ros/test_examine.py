@@ -102,8 +102,8 @@ def test_what_all_begin_with_is_told_before_anything_is_waited_for(domain: int) 
     with looking(domain, ENOUGH_S) as look:
         found = list(common_findings(look, domain))
     assert [one.what.split()[0] for one in found[:2]] == ["ROS", "domain"]
-    # Where tests run, nobody looks beyond this machine.
-    assert "LOCALHOST" in found[2].what
+    # How the tests keep ROS on this machine.
+    assert "SYSTEM_DEFAULT" in found[2].what
 
 
 def test_who_is_there_is_seen_long_before_time_is_up(domain: int, start: Start) -> None:
