@@ -41,8 +41,8 @@ class OwnNode:
     ) -> None:
         """``domain_id`` ``None``: that of the environment (ROS_DOMAIN_ID).
 
-        Raises ``ConfigError`` for a domain that cannot be joined, and ``UsageError`` in a child
-        that was forked after the first of these was made.
+        Raises ``ConfigError`` for a domain or an environment that ROS refuses, and ``UsageError``
+        in a child that was forked after the first of these was made.
         """
         self._shared = _acquire(domain_id)
         self.context = self._shared.context
@@ -54,9 +54,9 @@ class OwnNode:
                 enable_rosout=False,
                 start_parameter_services=parameter_services,
             )
-        except BaseException:
+        except Exception as error:  # RCLError, which is not a public name
             _release(self._shared)
-            raise
+            raise _refused(error) from error
         self._lock = threading.Lock()
         self._closed = False
 
@@ -110,13 +110,17 @@ def _release(shared: _Shared) -> None:
 
 
 def _new_context(domain_id: int | None) -> Context:
-    named = "ROS_DOMAIN_ID" if domain_id is None else "domain_id"
     context = Context()
     try:
         context.init(args=[], initialize_logging=False, domain_id=domain_id)
     except Exception as error:  # RCLError, which is not a public name
-        raise ConfigError(f"{named}: ROS refuses it: {error}") from error
+        raise _refused(error) from error
     # Fast DDS ends the whole process for such a domain.
     if (found := context.get_domain_id()) > MAX_DOMAIN:
+        named = "ROS_DOMAIN_ID" if domain_id is None else "domain_id"
         raise ConfigError(f"{named}: {found} is no domain; write 0 to {MAX_DOMAIN}")
     return context
+
+
+def _refused(error: Exception) -> ConfigError:
+    return ConfigError(f"ROS refuses to begin: {' '.join(str(error).split())}")

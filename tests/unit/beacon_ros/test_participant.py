@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -73,7 +74,7 @@ def test_a_node_that_cannot_be_made_leaves_no_context(
     domain: int, leaves_nothing: LeavesNothing
 ) -> None:
     def fail() -> None:
-        with pytest.raises(Exception, match="node name"):
+        with pytest.raises(ConfigError, match="ROS refuses to begin: Invalid node name"):
             OwnNode("no name", domain)
 
     leaves_nothing(fail, 5)
@@ -110,8 +111,25 @@ def test_a_domain_that_there_cannot_be_is_refused_before_it_ends_the_process(
 
 def test_what_is_no_number_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", "five")
-    with pytest.raises(ConfigError, match=r"^ROS_DOMAIN_ID: ROS refuses it: .*number"):
+    with pytest.raises(ConfigError, match=r"^ROS refuses to begin: .*ROS_DOMAIN_ID.*number"):
         OwnNode("role", None)
+
+
+def test_keys_that_are_none_are_told_in_one_line(
+    domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    enclave = tmp_path / "enclaves" / "gateway"
+    enclave.mkdir(parents=True)
+    for name in ("identity_ca.cert.pem", "cert.pem", "key.pem"):
+        (enclave / name).touch()
+    for name in ("permissions_ca.cert.pem", "governance.p7s", "permissions.p7s"):
+        (enclave / name).touch()
+    monkeypatch.setenv("ROS_SECURITY_ENABLE", "true")
+    monkeypatch.setenv("ROS_SECURITY_STRATEGY", "Enforce")
+    monkeypatch.setenv("ROS_SECURITY_KEYSTORE", str(tmp_path))
+    monkeypatch.setenv("ROS_SECURITY_ENCLAVE_OVERRIDE", "/gateway")
+    with pytest.raises(ConfigError, match=r"^ROS refuses to begin: [^\n]*$"):
+        OwnNode("role", domain)
 
 
 def test_a_forked_child_is_told_that_nobody_would_hear_it(
