@@ -147,7 +147,7 @@ class DeliveryChecks(ContractBase):
         harness.announcer().announce(hint("engine"))
         self.active(harness, listener, "engine")
         # A source may ask once more whom it has just met; that is not unasked.
-        harness.wait_until(lambda: False, harness.quiet_s)
+        harness.wait_until(lambda: False, 1.0)
         heard = len(listener.tap.calls)
         self.never(harness, lambda: len(listener.tap.calls) > heard, "a word unasked")
         self.conclude(harness, listener)
