@@ -79,7 +79,7 @@ class NeverRepeats(FakeAnnouncer):
 class RepeatsUnasked(FakeAnnouncer):
     def announce(self, hint: BeaconHint) -> None:
         super().announce(hint)
-        self._network.schedule(self._network.clock.monotonic_ns() + 10**9, self._again)
+        self._network.schedule(self._network.clock.monotonic_ns() + 3 * 10**9, self._again)
 
     def _again(self) -> None:
         for message in self.present():
