@@ -15,6 +15,7 @@ from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.timer import Timer
 
 from beacon_core.errors import ConfigError, UsageError
 from beacon_core.hint import BeaconHint
@@ -35,9 +36,10 @@ BEACON_QOS = QoSProfile(
 )
 """Offers the most, so that every listener can hear it; the last word is all that matters."""
 
-_ANEW_AGAIN_S = 0.3
-"""A new listener is told again after this: it may find out about the publisher later than the
-publisher about it (110 ms at the most, measured), and does not hear what is said in between."""
+_ANEW_AGAIN_S = (0.3, 4.0)
+"""A new listener is told again after these: it may not know of the publisher yet, and does not hear
+what is said in between. That is 110 ms at the most, measured; or, when an announcement of DDS's was
+lost, until the next one, after 3 s."""
 
 _FAREWELL_WITHIN_S = 0.5
 
@@ -86,8 +88,7 @@ class TopicBeacon:
             self._publisher = self._make_publisher(topic, qos)
             steady = Clock(clock_type=ClockType.STEADY_TIME)
             self._timer = node.create_timer(period_s, self._say, clock=steady)
-            self._again = node.create_timer(_ANEW_AGAIN_S, self._say_again, clock=steady)
-            self._again.cancel()
+            self._again = [self._make_one_shot(after_s, steady) for after_s in _ANEW_AGAIN_S]
         self._publisher.before_destroy = self._last_word
         self._stop_telling = at_shutdown(node.context, self._last_word)
         _open.add(self)
@@ -122,7 +123,7 @@ class TopicBeacon:
         if self._pid != os.getpid():
             return
         self._last_word()
-        for timer in (self._timer, self._again):
+        for timer in (self._timer, *self._again):
             self._node.destroy_timer(timer)
         self._node.destroy_publisher(self._publisher)
 
@@ -136,14 +137,22 @@ class TopicBeacon:
         )
         return cast("_MindfulPublisher", made)
 
+    def _make_one_shot(self, after_s: float, clock: Clock) -> Timer:
+        """Speaks once, so long after it was reset."""
+
+        def say() -> None:
+            timer.cancel()
+            self._say()
+
+        timer = self._node.create_timer(after_s, say, clock=clock)
+        timer.cancel()
+        return timer
+
     def _on_matched(self, status: Any) -> None:
         if status.current_count_change > 0:
             self._say()
-            self._again.reset()
-
-    def _say_again(self) -> None:
-        self._again.cancel()
-        self._say()
+            for timer in self._again:
+                timer.reset()
 
     def _say(self) -> None:
         try:

@@ -207,7 +207,7 @@ def test_listeners_that_come_and_go_leave_nothing_behind(harness: RosTopicHarnes
         made.announce(BeaconHint(f"part-{number}"))
     for _ in range(200):
         made._tell_newcomer()
-    assert len(made._beats) <= 4 * 30 + 100 + 2 * 30
+    assert len(made._beats) <= 4 * 30 + 100 + 3 * 30
     made.close()
 
 

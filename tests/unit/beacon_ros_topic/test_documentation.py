@@ -73,9 +73,13 @@ def test_its_announcer_speaks_for_many_until_it_is_closed(
     eventually(lambda: listener.has("engine", Status.LEFT))
 
 
-def test_its_gateway_hears_its_node(harness: RosTopicHarness, start_script: Start) -> None:
+def test_its_gateway_hears_its_node(
+    harness: RosTopicHarness, start_script: Start, eventually: Eventually
+) -> None:
+    listener = Listener(harness).start()
     node, _, gateway = blocks("python")
     start_script(node)
+    eventually(lambda: listener.has("engine_temp"))
     out, err = start_script(gateway).communicate(timeout=20)
     assert (out, err) == ("['engine_temp']\n", "")
 
