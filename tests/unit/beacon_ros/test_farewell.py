@@ -33,13 +33,19 @@ HEADER = b"\0\1\0\0"
 DEEP = QoSProfile(depth=2000)
 
 LISTENER = """
-import sys
+import sys, time
 from rclpy.qos import QoSProfile
 from beacon_core.wire.medkit import TYPE_HASH, TYPE_NAME
 from beacon_ros.participant import OwnNode
 from beacon_ros.rawtype import message_type
+from beacon_ros.taking import taker
 own = OwnNode("listener", None)
-own.node.create_subscription(message_type(TYPE_NAME, TYPE_HASH), "/topic", print, 2000, raw=True)
+message = message_type(TYPE_NAME, TYPE_HASH)
+subscription = own.node.create_subscription(message, "/topic", print, 2000, raw=True)
+take = taker(subscription.handle)
+while not take():
+    time.sleep(0.01)
+print("heard", flush=True)
 sys.stdin.readline()
 """
 
@@ -87,10 +93,24 @@ def publisher(own: OwnNode) -> Publisher:
 
 @pytest.fixture
 def hung(publisher: Publisher, eventually: Eventually) -> Iterator[None]:
-    """A reader in another process, which is matched and then stopped."""
+    """A reader in another process, which has heard something and is then stopped.
+
+    Matched is not enough: until a reader has answered once, nobody waits for it.
+    """
     command = [sys.executable, "-c", LISTENER]
-    with subprocess.Popen(command, stdin=subprocess.PIPE) as listener:
-        eventually(publisher.get_subscription_count)
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as listener:
+        assert listener.stdout is not None
+        said = listener.stdout.fileno()
+        os.set_blocking(said, False)
+
+        def heard() -> bool:
+            publisher.publish(HEADER + b"beat")
+            try:
+                return bool(os.read(said, 100))
+            except BlockingIOError:
+                return False
+
+        eventually(heard)
         os.kill(listener.pid, signal.SIGSTOP)
         yield
         listener.kill()
