@@ -52,9 +52,12 @@ def test_its_node_is_heard_and_leaves_when_it_is_told_to_stop(
     listener = Listener(harness).start()
     node = start_script(blocks("python")[0])
     eventually(lambda: listener.has("engine_temp"))
-    stored = listener.store.get("engine_temp")
-    assert stored is not None
-    assert dict(stored.hint.metadata) == {"mode": "calibrating"}
+
+    def updated() -> bool:
+        stored = listener.store.get("engine_temp")
+        return stored is not None and dict(stored.hint.metadata) == {"mode": "calibrating"}
+
+    eventually(updated)
     node.send_signal(number)
     eventually(lambda: listener.has("engine_temp", Status.LEFT))
     end(node)
