@@ -6,11 +6,12 @@ though Python counts with it, and ``"10"`` is a text. A whole number must be wri
 
 from __future__ import annotations
 
+import math
 import sys
 
 from beacon_core.errors import ConfigError
 
-__all__ = ["at_least_one", "nanoseconds", "positive_rate"]
+__all__ = ["at_least_one", "nanoseconds", "period_ns", "positive_rate"]
 
 
 _MAX_SECONDS = 1_000_000_000
@@ -26,6 +27,15 @@ def nanoseconds(key: str, seconds: float) -> int:
         raise _refused(key, seconds, f"a number of seconds from 0 to {_MAX_SECONDS}")
     floor_ns = int(seconds * 1e9)
     return floor_ns if floor_ns / 1e9 >= seconds else floor_ns + 1
+
+
+def period_ns(period_s: float | None) -> int | None:
+    """How often an announcer repeats, in nanoseconds; ``None``, only when told, stays ``None``."""
+    if period_s is None:
+        return None
+    if not 0 < period_s < math.inf:
+        raise ConfigError(f"period_s: {period_s!r} cannot be used; write seconds above 0")
+    return round(period_s * 1e9)
 
 
 def at_least_one(key: str, value: int) -> int:

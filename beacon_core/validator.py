@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping, Sized
 
 import attrs
 
+from beacon_core.errors import UsageError
 from beacon_core.hint import BeaconHint
 from beacon_core.limits import (
     DEFAULT_LIMITS,
@@ -24,7 +25,7 @@ from beacon_core.limits import (
 from beacon_core.repairs import Repairs, mended
 from beacon_core.text import quoted
 
-__all__ = ["Accepted", "Rejected", "clean_size", "is_valid_id", "validate"]
+__all__ = ["Accepted", "Rejected", "clean_size", "is_valid_id", "require_id", "validate"]
 
 _ID_BYTES = (string.ascii_letters + string.digits + "_-").encode()
 _FREE_STRINGS = 5
@@ -71,6 +72,14 @@ def validate(hint: BeaconHint, limits: HintLimits = DEFAULT_LIMITS) -> Accepted 
 def is_valid_id(text: str) -> bool:
     """Whether it is an id within the default limits: 1..256 of ASCII letters, digits, _ and -."""
     return _is_id(text, DEFAULT_LIMITS.max_id_length)
+
+
+def require_id(entity_id: str, asked: str = "") -> None:
+    """Raises ``UsageError`` for what is no id; ``asked`` is what the caller asked for."""
+    if not is_valid_id(entity_id):
+        raise UsageError(
+            f"{asked}entity_id {entity_id!r} is no id; write 1 to 256 letters, digits, '_' or '-'"
+        )
 
 
 def clean_size(hint: BeaconHint, limits: HintLimits) -> int:

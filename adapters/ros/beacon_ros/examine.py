@@ -19,6 +19,7 @@ from rclpy.utilities import get_rmw_implementation_identifier
 from beacon_core.errors import ConfigError
 from beacon_core.ports.examination import Finding, Level
 from beacon_ros import surroundings
+from beacon_ros.environment import MAX_DOMAIN
 from beacon_ros.graph import node_names
 from beacon_ros.participant import OwnNode
 
@@ -36,9 +37,6 @@ __all__ = [
 OTHER_DOMAINS = range(6)
 """Where else to look when there is nothing to be seen: 0 is the default, and whoever takes another
 tends to begin at 1. A participant in each costs 8 ms to make and 40 ms of CPU to hold."""
-
-_MAX_DOMAIN = 232
-"""Above, the ports that DDS computes from the domain do not exist."""
 
 _SHOWN = 5
 _POLL_S = 0.05
@@ -122,7 +120,7 @@ def elsewhere(
 ) -> Iterator[Finding]:
     """Whom ``see`` sees on the other domains that people use; ``doing`` says what they do."""
     domains = {one for one in (*OTHER_DOMAINS, _shells_domain()) if one is not None}
-    possible = sorted(one for one in domains - {look.domain_id} if one <= _MAX_DOMAIN)
+    possible = sorted(one for one in domains - {look.domain_id} if one <= MAX_DOMAIN)
     with ExitStack() as stack:
         others = {one: stack.enter_context(closing(_join(one))) for one in possible}
         deadline = time.monotonic() + min(_OTHERS_S, look.seconds)
@@ -151,9 +149,9 @@ def listed(names: Iterable[str]) -> str:
 
 def _join(domain_id: int | None) -> OwnNode:
     shells = _shells_domain()
-    if domain_id is None and shells is not None and shells > _MAX_DOMAIN:
+    if domain_id is None and shells is not None and shells > MAX_DOMAIN:
         # Fast DDS does not refuse it: it ends the process.
-        raise ConfigError(f"ROS_DOMAIN_ID is {shells}; set it to 0 to {_MAX_DOMAIN}, or unset it")
+        raise ConfigError(f"ROS_DOMAIN_ID is {shells}; set it to 0 to {MAX_DOMAIN}, or unset it")
     return OwnNode("doctor", domain_id)
 
 

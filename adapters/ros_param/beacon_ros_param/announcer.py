@@ -10,10 +10,11 @@ from collections.abc import Iterable, Iterator
 
 import attrs
 
-from beacon_core.errors import ConfigError, UsageError
+from beacon_core.checks import period_ns
+from beacon_core.errors import UsageError
 from beacon_core.hint import BeaconHint
 from beacon_core.ports.health import Condition, Health
-from beacon_core.validator import is_valid_id
+from beacon_core.validator import require_id
 from beacon_ros.participant import NO_FORK, OwnNode
 from beacon_ros.spinner import Spinner
 from beacon_ros_param.answers import AnsweringNode
@@ -57,8 +58,7 @@ class RosParamAnnouncer:
 
     def __init__(self, options: RosParamOptions, period_s: float | None = None) -> None:
         """Raises ``ConfigError`` for a period that is not above 0, and where ROS refuses."""
-        if period_s is not None and not 0 < period_s < float("inf"):
-            raise ConfigError(f"period_s: {period_s!r} cannot be used; write seconds above 0")
+        period_ns(period_s)
         missed_s = max(_MISSED_AFTER_S, _MISSED_AFTER_INTERVALS * options.interval_s)
         self._missed_ns = round(missed_s * 1e9)
         self._keep_ns = round(2 * options.interval_s * 1e9)
@@ -71,11 +71,7 @@ class RosParamAnnouncer:
         """Serves the nodes. While it is busy with something else, nobody gets an answer."""
 
     def announce(self, hint: BeaconHint) -> None:
-        if not is_valid_id(hint.entity_id):
-            raise UsageError(
-                f"announce: entity_id {hint.entity_id!r} is no id; "
-                "write 1 to 256 letters, digits, '_' or '-'"
-            )
+        require_id(hint.entity_id, "announce: ")
         if self._pid != os.getpid():
             raise UsageError(f"announce: made before a fork; {NO_FORK}")
         with self._lock:

@@ -13,7 +13,7 @@ from rclpy.timer import Timer
 
 from beacon_core.errors import UsageError
 from beacon_core.hint import BeaconHint
-from beacon_core.validator import is_valid_id
+from beacon_core.validator import require_id
 from beacon_ros.participant import NO_FORK
 from beacon_ros.process import identified
 from beacon_ros_param.declared import Declared
@@ -127,8 +127,5 @@ _STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 
 
 def _checked(hint: BeaconHint) -> BeaconHint:
-    if not is_valid_id(hint.entity_id):
-        raise UsageError(
-            f"entity_id {hint.entity_id!r} is no id; write 1 to 256 letters, digits, '_' or '-'"
-        )
+    require_id(hint.entity_id)
     return identified(hint)

@@ -9,14 +9,12 @@ import attrs
 
 from beacon_core.checks import at_least_one, nanoseconds
 from beacon_core.errors import ConfigError
+from beacon_ros.environment import MAX_DOMAIN
 
 __all__ = ["LEAST_S", "RosParamOptions"]
 
 LEAST_S = 0.1
 """The shortest interval, budget and time-out, in seconds; ros2_medkit has the same."""
-
-_MAX_DOMAIN = 232
-"""Above, the ports that DDS computes from the domain do not exist."""
 
 _NODE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 
@@ -26,8 +24,8 @@ def _complain(attribute: attrs.Attribute[Any], value: object, right: str) -> Non
 
 
 def _domain(_: object, attribute: attrs.Attribute[Any], value: object) -> None:
-    if value is not None and (type(value) is not int or not 0 <= value <= _MAX_DOMAIN):
-        _complain(attribute, value, f"a whole number, 0 to {_MAX_DOMAIN}, or leave it out")
+    if value is not None and (type(value) is not int or not 0 <= value <= MAX_DOMAIN):
+        _complain(attribute, value, f"a whole number, 0 to {MAX_DOMAIN}, or leave it out")
 
 
 def _nodes(_: object, attribute: attrs.Attribute[Any], value: object) -> None:

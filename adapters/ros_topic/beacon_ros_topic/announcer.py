@@ -14,10 +14,11 @@ from rclpy.event_handler import QoSPublisherEventType
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.publisher import Publisher
 
+from beacon_core.checks import period_ns
 from beacon_core.errors import ConfigError, UsageError
 from beacon_core.hint import BeaconHint
 from beacon_core.ports.health import Condition, Health
-from beacon_core.validator import is_valid_id
+from beacon_core.validator import require_id
 from beacon_core.wire import cdr
 from beacon_core.wire.medkit import TYPE_HASH, TYPE_NAME, farewell
 from beacon_ros.farewell import say_last
@@ -69,9 +70,7 @@ class RosTopicAnnouncer:
 
     def __init__(self, options: RosTopicOptions, period_s: float | None = None) -> None:
         """Raises ``ConfigError`` for a period that is not above 0, and where ROS refuses."""
-        if period_s is not None and not 0 < period_s < float("inf"):
-            raise ConfigError(f"period_s: {period_s!r} cannot be used; write seconds above 0")
-        self._period_ns = None if period_s is None else round(period_s * 1e9)
+        self._period_ns = period_ns(period_s)
         self._pid = os.getpid()
         self._topic = options.topic
         self._lock = threading.Lock()
@@ -92,11 +91,7 @@ class RosTopicAnnouncer:
         self._waiter.start()
 
     def announce(self, hint: BeaconHint) -> None:
-        if not is_valid_id(hint.entity_id):
-            raise UsageError(
-                f"announce: entity_id {hint.entity_id!r} is no id; "
-                "write 1 to 256 letters, digits, '_' or '-'"
-            )
+        require_id(hint.entity_id, "announce: ")
         if self._pid != os.getpid():
             raise UsageError(f"announce: made before a fork; {NO_FORK}")
         payload = cdr.encode(hint)

@@ -17,9 +17,10 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.timer import Timer
 
-from beacon_core.errors import ConfigError, UsageError
+from beacon_core.checks import period_ns
+from beacon_core.errors import UsageError
 from beacon_core.hint import BeaconHint
-from beacon_core.validator import is_valid_id
+from beacon_core.validator import require_id
 from beacon_core.wire import cdr
 from beacon_core.wire.medkit import TYPE_HASH, TYPE_NAME, farewell
 from beacon_ros.farewell import say_last
@@ -75,10 +76,10 @@ class TopicBeacon:
         """Raises ``UsageError`` for an id that is none, ``ConfigError`` for a
         period that is not above 0, or where the message type is neither installed nor to be made.
         """
-        if not 0 < period_s < float("inf"):
-            raise ConfigError(f"period_s: {period_s!r} cannot be used; write seconds above 0")
+        period_ns(period_s)
+        require_id(hint.entity_id)
         self._node = node
-        self._hint = identified(_checked(hint))
+        self._hint = identified(hint)
         self._payload = cdr.encode(self._hint)
         self._pid = os.getpid()
         # A program's own signal handler may shut ROS down in the middle of a beat.
@@ -195,11 +196,3 @@ _open: set[TopicBeacon] = set()
 def _close_all() -> None:
     for beacon in list(_open):
         beacon._last_word()  # noqa: SLF001 - our own
-
-
-def _checked(hint: BeaconHint) -> BeaconHint:
-    if not is_valid_id(hint.entity_id):
-        raise UsageError(
-            f"entity_id {hint.entity_id!r} is no id; write 1 to 256 letters, digits, '_' or '-'"
-        )
-    return hint

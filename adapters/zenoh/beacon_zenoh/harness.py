@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -30,6 +31,7 @@ from beacon_zenoh.options import SessionOptions, ZenohOptions
 __all__ = [
     "OwnRouterHarness",
     "ProcessAnnouncer",
+    "Strangers",
     "ZenohHarness",
     "free_endpoint",
     "open_router",
@@ -68,7 +70,7 @@ class ZenohHarness(RealTimeHarness):
     def __init__(self) -> None:
         super().__init__()
         self._routers: dict[int, tuple[zenoh.Session, str]] = {}
-        self._strangers: dict[str, zenoh.Session] = {}
+        self._strangers = Strangers()
 
     def options(self, network: int = 0) -> ZenohOptions:
         if network not in self._routers:
@@ -93,13 +95,12 @@ class ZenohHarness(RealTimeHarness):
 
     def send_raw(self, entity_id: str, payload: bytes, *, sender: str = "stranger") -> None:
         options = self.options()
-        if sender not in self._strangers:
-            self._strangers[sender] = zenoh.open(session_config(options, "client").make())
-        self._strangers[sender].put(Keys(options.prefix).hint(entity_id), payload)
+        self._strangers.put(sender, options, Keys(options.prefix).hint(entity_id), payload)
 
     def close(self) -> None:
         super().close()
-        for session in (*self._strangers.values(), *(one for one, _ in self._routers.values())):
+        self._strangers.close()
+        for session, _ in self._routers.values():
             session.close()  # type: ignore[no-untyped-call]
 
 
@@ -127,6 +128,44 @@ class OwnRouterHarness(ZenohHarness):
         self._first[network] = source
         self._made.append(source)
         return source
+
+
+class Strangers:
+    """People who put what they like, each on a session of their own."""
+
+    def __init__(self) -> None:
+        self._sessions: dict[str, zenoh.Session] = {}
+        self._publishers: dict[tuple[str, str], zenoh.Publisher] = {}
+
+    def put(
+        self,
+        sender: str,
+        options: SessionOptions,
+        key: str,
+        payload: bytes,
+        attachment: bytes | None = None,
+    ) -> None:
+        """Once somebody who listens is known at this end, but after a second in any case: until the
+        router has told of it, what is put is lost."""
+        if (sender, key) not in self._publishers:
+            # To wait, as a reliable publisher that keeps all: the suite counts what arrives.
+            self._publishers[sender, key] = self._session(sender, options).declare_publisher(
+                key, congestion_control=zenoh.CongestionControl.BLOCK
+            )
+        publisher = self._publishers[sender, key]
+        deadline = time.monotonic() + 1.0
+        while not _matching(publisher) and time.monotonic() < deadline:
+            time.sleep(0.001)
+        publisher.put(payload, attachment=attachment)
+
+    def close(self) -> None:
+        for session in self._sessions.values():
+            session.close()  # type: ignore[no-untyped-call]
+
+    def _session(self, sender: str, options: SessionOptions) -> zenoh.Session:
+        if sender not in self._sessions:
+            self._sessions[sender] = zenoh.open(session_config(options, "client").make())
+        return self._sessions[sender]
 
 
 class ProcessAnnouncer:
@@ -193,6 +232,11 @@ def open_router(options: ZenohOptions | None = None) -> tuple[zenoh.Session, str
             return zenoh.open(session_config(listening, "router").make()), endpoint
         except zenoh.ZError:  # somebody else took the port meanwhile
             continue
+
+
+def _matching(publisher: Any) -> bool:
+    """Does anybody listen to it? (The stub of ``matching_status`` has another type.)"""
+    return bool(publisher.matching_status.matching)
 
 
 def _obey(announcer: Announcer, orders: Iterable[bytes | str]) -> None:

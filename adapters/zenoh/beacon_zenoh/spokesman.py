@@ -13,10 +13,11 @@ from typing import Generic, TypeVar
 import attrs
 import zenoh
 
-from beacon_core.errors import ConfigError, UsageError
+from beacon_core.checks import period_ns
+from beacon_core.errors import UsageError
 from beacon_core.hint import BeaconHint
 from beacon_core.ports.health import Health
-from beacon_core.validator import is_valid_id
+from beacon_core.validator import require_id
 from beacon_zenoh.config import SessionConfig
 from beacon_zenoh.session import SessionKeeper
 
@@ -70,9 +71,7 @@ class Spokesman(Generic[_V]):
 
         ``ConfigError`` for a period that is not above 0.
         """
-        if period_s is not None and not 0 < period_s < float("inf"):
-            raise ConfigError(f"period_s: {period_s!r} cannot be used; write seconds above 0")
-        self._period_ns = None if period_s is None else round(period_s * 1e9)
+        self._period_ns = period_ns(period_s)
         self._encode = encode
         self._new_voice = voice
         self._lock = threading.Lock()
@@ -87,11 +86,7 @@ class Spokesman(Generic[_V]):
         )
 
     def announce(self, hint: BeaconHint) -> None:
-        if not is_valid_id(hint.entity_id):
-            raise UsageError(
-                f"announce: entity_id {hint.entity_id!r} is no id; "
-                "write 1 to 256 letters, digits, '_' or '-'"
-            )
+        require_id(hint.entity_id, "announce: ")
         if self._keeper.forked:
             raise UsageError("announce: made before a fork; make an announcer in the child")
         payload = self._encode(hint)

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from beacon_core.checks import at_least_one, nanoseconds, positive_rate
+from beacon_core.checks import at_least_one, nanoseconds, period_ns, positive_rate
 from beacon_core.errors import ConfigError
 
 
@@ -53,6 +53,20 @@ def test_seconds_that_are_no_sensible_length_of_time_are_refused(seconds: float)
     message = rf"^ttl_s: {seconds} is not possible; give a number of seconds from 0 to 1000000000$"
     with pytest.raises(ConfigError, match=message.replace("+", r"\+")):
         nanoseconds("ttl_s", seconds)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "expected_ns"), [(None, None), (1, 10**9), (0.5, 500_000_000), (1e-9, 1)]
+)
+def test_a_period_is_seconds_or_none_at_all(seconds: float | None, expected_ns: int | None) -> None:
+    assert period_ns(seconds) == expected_ns
+
+
+@pytest.mark.parametrize("seconds", [0, -1, -1e-9, math.inf, math.nan])
+def test_a_period_that_never_ends_or_is_none_is_refused(seconds: float) -> None:
+    with pytest.raises(ConfigError) as refused:
+        period_ns(seconds)
+    assert str(refused.value) == (f"period_s: {seconds!r} cannot be used; write seconds above 0")
 
 
 @pytest.mark.parametrize("value", [1, 2, 10**18])

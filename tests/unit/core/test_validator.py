@@ -9,10 +9,18 @@ from typing import Any
 import attrs
 import pytest
 
+from beacon_core.errors import UsageError
 from beacon_core.hint import NO_METADATA, BeaconHint
 from beacon_core.limits import DEFAULT_LIMITS, MAX_LOG_CHARS, MAX_REPAIRS, HintLimits, hint_bytes
 from beacon_core.testing.examples import BENCH_HINT
-from beacon_core.validator import Accepted, Rejected, clean_size, is_valid_id, validate
+from beacon_core.validator import (
+    Accepted,
+    Rejected,
+    clean_size,
+    is_valid_id,
+    require_id,
+    validate,
+)
 
 VECTORS = Path(__file__).parents[2] / "data" / "vectors" / "validator.jsonl"
 CASES = [json.loads(line) for line in VECTORS.read_text(encoding="utf-8").splitlines()]
@@ -141,6 +149,20 @@ def test_ids_are_1_to_256_of_ascii_letters_digits_underscore_and_hyphen(text: st
 def test_nothing_else_is_an_id(text: str) -> None:
     assert not is_valid_id(text)
     assert isinstance(validate(BeaconHint(text)), Rejected)
+
+
+@pytest.mark.parametrize("text", ["x", "x" * 256])
+def test_what_is_an_id_may_be_asked_for(text: str) -> None:
+    require_id(text, "announce: ")
+
+
+@pytest.mark.parametrize("text", ["", *NOT_IDS])
+def test_asking_for_what_is_no_id_is_the_callers_mistake(text: str) -> None:
+    with pytest.raises(UsageError) as refused:
+        require_id(text, "announce: ")
+    assert str(refused.value) == (
+        f"announce: entity_id {text!r} is no id; write 1 to 256 letters, digits, '_' or '-'"
+    )
 
 
 def test_the_alphabet_is_exact() -> None:

@@ -15,8 +15,7 @@ from beacon_core.ports.announcer import Announcer
 from beacon_core.testing.harness import Capabilities, RealTimeHarness
 from beacon_core.testing.hostile import HOSTILE_CDR
 from beacon_core.wire import cdr
-from beacon_zenoh.config import session_config
-from beacon_zenoh.harness import ProcessAnnouncer, open_router
+from beacon_zenoh.harness import ProcessAnnouncer, Strangers, open_router
 from beacon_zenoh.rmw import ADAPTER, attachment
 from beacon_zenoh.rmw.keys import data_key
 from beacon_zenoh.rmw.options import RmwOptions
@@ -59,7 +58,7 @@ class RmwHarness(RealTimeHarness):
     def __init__(self) -> None:
         super().__init__()
         self._router: tuple[zenoh.Session, str] | None = None
-        self._strangers: dict[str, zenoh.Session] = {}
+        self._strangers = Strangers()
 
     @property
     def endpoint(self) -> str:
@@ -91,20 +90,14 @@ class RmwHarness(RealTimeHarness):
         """With the number of a publisher, without which nobody of rmw_zenoh is heard, and no more:
         neither a number of the message nor a stamp, and no token."""
         options = self.options()
-        if sender not in self._strangers:
-            self._strangers[sender] = zenoh.open(session_config(options, "client").make())
-        session = self._strangers[sender]
-        node = node_member(options.ros_domain_ids[0], str(session.zid()), 0, "stranger")
-        member = hint_member(node, Kind.PUBLISHER, 1, options.topic, DEFAULT_QOS)
         gid = hashlib.md5(sender.encode(), usedforsecurity=False).digest()
+        node = node_member(options.ros_domain_ids[0], gid.hex(), 0, "stranger")
+        member = hint_member(node, Kind.PUBLISHER, 1, options.topic, DEFAULT_QOS)
         beside = attachment.encode(gid, 0, 0)
-        # To wait, as a reliable publisher that keeps all: the suite counts what arrives.
-        block = zenoh.CongestionControl.BLOCK
-        session.put(data_key(member.data_key), payload, attachment=beside, congestion_control=block)
+        self._strangers.put(sender, options, data_key(member.data_key), payload, beside)
 
     def close(self) -> None:
         super().close()
-        for session in self._strangers.values():
-            session.close()  # type: ignore[no-untyped-call]
+        self._strangers.close()
         if self._router is not None:
             self._router[0].close()  # type: ignore[no-untyped-call]
