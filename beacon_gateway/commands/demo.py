@@ -19,7 +19,7 @@ from beacon_gateway.console.fleet import Fleet, script
 from beacon_gateway.console.logs import set_up_logging
 from beacon_gateway.console.signals import on_stop_signal
 from beacon_gateway.console.terminal import printable
-from beacon_gateway.http import make_app
+from beacon_gateway.http import create_app
 from beacon_gateway.server import free_port
 
 __all__ = ["parser", "run"]
@@ -134,7 +134,7 @@ def _config(endpoint: str, http_port: int) -> Config:
 def _serving(config: Config) -> Iterator[str]:
     """A gateway behind HTTP, in a thread of its own."""
     with opened(config) as (server, gateway):
-        serving = threading.Thread(target=server.serve, args=(make_app(gateway),), daemon=True)
+        serving = threading.Thread(target=server.serve, args=(create_app(gateway),), daemon=True)
         serving.start()
         try:
             yield server.url

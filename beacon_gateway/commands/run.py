@@ -18,7 +18,7 @@ from beacon_gateway.console.logs import set_up_logging
 from beacon_gateway.console.signals import on_stop_signal
 from beacon_gateway.console.terminal import write_json
 from beacon_gateway.gateway import Gateway
-from beacon_gateway.http import make_app
+from beacon_gateway.http import create_app
 from beacon_gateway.problems import headed
 from beacon_gateway.server import HttpServer
 
@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
         _log.info("serving %s", server.url)
         if arguments.json:
             write_json({"url": server.url}, indent=None)
-        server.serve(make_app(gateway))
+        server.serve(create_app(gateway))
     _log.info("stopped")
     return Exit.OK
 

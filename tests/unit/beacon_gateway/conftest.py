@@ -20,7 +20,7 @@ from beacon_fake import ADAPTER, FakeAnnouncer, FakeNetwork, share_network, unsh
 from beacon_gateway.adapters import load_adapter
 from beacon_gateway.config import parse_config
 from beacon_gateway.gateway import Gateway
-from beacon_gateway.http import make_app
+from beacon_gateway.http import create_app
 from beacon_gateway.server import HttpServer
 
 
@@ -57,7 +57,7 @@ class Plant:
         """One request through the whole application."""
 
         async def ask() -> httpx.Response:
-            transport = httpx.ASGITransport(make_app(self.gateway), raise_app_exceptions=False)
+            transport = httpx.ASGITransport(create_app(self.gateway), raise_app_exceptions=False)
             async with httpx.AsyncClient(transport=transport, base_url="http://gateway") as client:
                 return await client.request(method, path)
 
@@ -142,7 +142,7 @@ def serve() -> Iterator[Callable[[Plant], str]]:
 
         def start(plant: Plant) -> str:
             server = stack.enter_context(closing(HttpServer("127.0.0.1", 0)))
-            thread = threading.Thread(target=server.serve, args=(make_app(plant.gateway),))
+            thread = threading.Thread(target=server.serve, args=(create_app(plant.gateway),))
             thread.start()
             stack.callback(thread.join, 10)
             stack.callback(server.stop)

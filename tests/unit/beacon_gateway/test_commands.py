@@ -35,7 +35,7 @@ from beacon_gateway.console.fleet import Fleet, Step, script
 from beacon_gateway.console.table import by_attention, entity_table
 from beacon_gateway.console.terminal import duration
 from beacon_gateway.gateway import Gateway
-from beacon_gateway.http import make_app
+from beacon_gateway.http import create_app
 from beacon_gateway.server import HttpServer, free_port
 
 if TYPE_CHECKING:
@@ -365,7 +365,7 @@ def test_watch_survives_a_restart_of_the_gateway(
     def start() -> None:
         server = HttpServer("127.0.0.1", port)
         servers.append(server)
-        threading.Thread(target=server.serve, args=(make_app(plant.gateway),)).start()
+        threading.Thread(target=server.serve, args=(create_app(plant.gateway),)).start()
 
     def stop() -> None:
         servers[-1].stop()

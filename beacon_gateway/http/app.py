@@ -18,18 +18,18 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from beacon_core.lifecycle import Status
-from beacon_gateway import bodies, http_errors
-from beacon_gateway.bodies import API_BASE
 from beacon_gateway.directory import Found, Kind
 from beacon_gateway.gateway import Gateway
+from beacon_gateway.http import bodies, errors
+from beacon_gateway.http.bodies import API_BASE
 from beacon_gateway.vendor import BEACON
 
-__all__ = ["make_app"]
+__all__ = ["create_app"]
 
 _Handler = Callable[[Request], Response]
 
 
-def make_app(gateway: Gateway) -> Starlette:
+def create_app(gateway: Gateway) -> Starlette:
     """The interface of one gateway, which the caller starts and closes."""
     api = _Api(gateway)
     routes: dict[str, _Handler] = {
@@ -54,7 +54,7 @@ def make_app(gateway: Gateway) -> Starlette:
             for slash in ("", "/")
         ],
         exception_handlers={
-            http_errors.ApiError: _refuse,
+            errors.ApiError: _refuse,
             HTTPException: _unknown,
             Exception: _fail,
         },
@@ -105,39 +105,39 @@ class _Api:
 
     def _detail(self, request: Request, kind: Kind) -> Response:
         entity_id: str = request.path_params["id"]
-        http_errors.check_id(entity_id)
+        errors.check_id(entity_id)
         found = self._find(entity_id, kind)
         if found is not None:
             endpoints = self._gateway.vendor_endpoints
             return _JsonResponse(bodies.detail(found, self._clock, endpoints))
         actual = self._directory.kind(entity_id)
         if actual is None:
-            raise http_errors.entity_not_found(entity_id)
-        raise http_errors.wrong_type(entity_id, kind, actual)
+            raise errors.entity_not_found(entity_id)
+        raise errors.wrong_type(entity_id, kind, actual)
 
     def carrier_beacon(self, kind: Kind, adapters: frozenset[str], request: Request) -> Response:
         beacon = self._found(request, kind).beacon
         heard = None if beacon is None else beacon.heard_by(adapters)
         if heard is None or heard.status is Status.LEFT:
-            raise http_errors.beacon_not_found()
+            raise errors.beacon_not_found()
         return _JsonResponse(bodies.carrier_beacon(heard, self._clock))
 
     def _beacon(self, request: Request, kind: Kind) -> Response:
         beacon = self._found(request, kind).beacon
         if beacon is None:
-            raise http_errors.beacon_not_found({"entity_id": request.path_params["id"]})
+            raise errors.beacon_not_found({"entity_id": request.path_params["id"]})
         if beacon.status is Status.LEFT:
-            raise http_errors.beacon_not_found(bodies.left_parameters(beacon, self._clock))
+            raise errors.beacon_not_found(bodies.left_parameters(beacon, self._clock))
         return _JsonResponse(bodies.vendor_beacon(beacon, self._clock))
 
     def _found(self, request: Request, kind: Kind) -> Found:
         """Whom a vendor endpoint is asked for."""
         entity_id: str = request.path_params["id"]
-        http_errors.check_vendor_id(entity_id)
+        errors.check_vendor_id(entity_id)
         found = self._find(entity_id, kind)
         if found is None:
             actual = self._directory.kind(entity_id)
-            raise http_errors.vendor_entity_missing(entity_id, kind, actual)
+            raise errors.vendor_entity_missing(entity_id, kind, actual)
         return found
 
     def _find(self, entity_id: str, kind: Kind) -> Found | None:
@@ -146,13 +146,13 @@ class _Api:
 
 
 def _refuse(_: Request, error: Exception) -> Response:
-    assert isinstance(error, http_errors.ApiError)  # noqa: S101 - Starlette's contract
+    assert isinstance(error, errors.ApiError)  # noqa: S101 - Starlette's contract
     return _JsonResponse(error.body(), error.status)
 
 
 def _unknown(request: Request, _: Exception) -> Response:
-    return _refuse(request, http_errors.resource_not_found())
+    return _refuse(request, errors.resource_not_found())
 
 
 def _fail(request: Request, error: Exception) -> Response:
-    return _refuse(request, http_errors.internal_error(error))
+    return _refuse(request, errors.internal_error(error))
