@@ -204,6 +204,9 @@ class Config:
     )
     entities: EntitiesConfig = EntitiesConfig()
     allow_new_entities: bool = True
+    server_name: str = "Beacon gateway"
+    server_version: str = ""
+    """Empty: the gateway's own."""
     vendor_name: str = "beacon"
     log_level: LogLevel = LogLevel.INFO
 
