@@ -24,7 +24,7 @@ from beacon_core.limits import (
     HintLimits,
 )
 from beacon_core.memory import PayloadMemory
-from beacon_core.outcome import ACCEPTED, Outcome, Verdict
+from beacon_core.outcome import ACCEPTED, Outcome, Refusal, Verdict
 from beacon_core.ports.adapter import Decoder, Malformed
 from beacon_core.skew import ClockOffset, SkewPolicy, trusted_age_ns
 from beacon_core.sources import Source, SourceReport, Sources
@@ -48,6 +48,7 @@ _LOG_BURST = 20.0
 _EVERYDAY = frozenset({Verdict.OLDER, Verdict.BURIED, Verdict.UNKNOWN})
 """What any network does now and then: counted, and nobody needs to read of it."""
 _BAD_INPUT = frozenset({Verdict.TOO_LARGE, Verdict.MALFORMED, Verdict.INVALID})
+_NONE = (0, "", "")
 
 
 class Intake:
@@ -94,6 +95,7 @@ class Intake:
         self._recall = self._memory.recall
         self._refresh = store.refresh
         self._log_lines = TokenBucket(_LOG_RATE, capacity=_LOG_BURST, now_ns=now_ns)
+        self._refused: dict[Verdict, tuple[int, str, str]] = {}
 
     def offer(
         self,
@@ -195,6 +197,16 @@ class Intake:
     def source_count(self) -> int:
         """How many sources are told apart."""
         return len(self._sources)
+
+    def refusals(self) -> dict[Verdict, Refusal]:
+        """What was turned away so far, by verdict, each with its latest: only what occurred.
+
+        Late words and the like, which any network has now and then, are none. Costs next to
+        nothing, unlike ``totals``.
+        """
+        with self._lock:
+            refused = dict(self._refused)
+        return {verdict: Refusal(*told) for verdict, told in refused.items()}
 
     def _account(self, source: str) -> Source:
         with self._lock:
@@ -298,6 +310,9 @@ class Intake:
             if verdict in ACCEPTED:
                 account.settled = True
                 return outcome
+            if verdict not in _EVERYDAY:
+                before = self._refused.get(verdict, _NONE)[0]
+                self._refused[verdict] = (before + 1, account.name, outcome.detail)
             if verdict in _BAD_INPUT:
                 self._gate.charge(account, _BAD_INPUT_COST, self._now_ns())
             worth_a_line = (

@@ -6,7 +6,7 @@ import enum
 
 import attrs
 
-__all__ = ["ACCEPTED", "Outcome", "Verdict"]
+__all__ = ["ACCEPTED", "Outcome", "Refusal", "Verdict"]
 
 
 class Verdict(enum.StrEnum):
@@ -76,3 +76,14 @@ class Outcome:
     @property
     def accepted(self) -> bool:
         return self.verdict in ACCEPTED
+
+
+@attrs.frozen
+class Refusal:
+    """How many messages ended in one verdict that turns them away, and the latest of them."""
+
+    count: int
+    source: str
+    """Who sent the latest, as the carrier knows it."""
+    detail: str
+    """Why, as in :class:`Outcome`."""

@@ -16,7 +16,7 @@ from beacon_core.hint import Announcement, BeaconHint
 from beacon_core.intake import Intake
 from beacon_core.lifecycle import Status
 from beacon_core.limits import MAX_PAYLOAD_BYTES, MAX_SOURCE_NAME, HintLimits
-from beacon_core.outcome import Outcome, Verdict
+from beacon_core.outcome import Outcome, Refusal, Verdict
 from beacon_core.ports.adapter import Malformed
 from beacon_core.skew import SkewPolicy
 from beacon_core.store import HintStore
@@ -467,3 +467,21 @@ def test_threads_lose_no_count(make: Callable[..., Road]) -> None:
     assert totals[Verdict.MALFORMED] == 4 * 500
     assert totals[Verdict.NEW] == 4 * 7
     assert road.store.size() == 28
+
+
+def test_what_was_refused_is_told_by_verdict_with_the_latest_of_each(road: Road) -> None:
+    assert road.intake.refusals() == {}
+    road.offer(entity_id="a")
+    road.intake.offer(b"no json", "r1")
+    road.intake.offer(b"nor this", "r2")
+    road.offer(source="r3", entity_id="no id!")
+    assert road.intake.refusals() == {
+        Verdict.MALFORMED: Refusal(2, "r2", "$: not JSON"),
+        Verdict.INVALID: Refusal(1, "r3", road.intake.refusals()[Verdict.INVALID].detail),
+    }
+    assert "no id!" in road.intake.refusals()[Verdict.INVALID].detail
+
+
+def test_a_late_word_is_no_refusal(road: Road) -> None:
+    assert road.intake.goodbye("nobody", "r1").verdict is Verdict.UNKNOWN
+    assert road.intake.refusals() == {}
