@@ -18,8 +18,8 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import qos_profile_parameters
 from rclpy.task import Future
 
-from beacon_ros_param.asking import Done, Drop, NodeClient
-from beacon_ros_param.parameters import PREFIX
+from beacon_core.parameters.fields import PREFIX
+from beacon_core.ports.asking import Done, Drop, NodeClient
 
 __all__ = ["RosClients"]
 

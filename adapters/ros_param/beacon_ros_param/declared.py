@@ -11,9 +11,9 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 
 from beacon_core.hint import BeaconHint
+from beacon_core.parameters.fields import ENTITY_ID, Value, write
 from beacon_ros.farewell import say_last
 from beacon_ros_param.events import EVENTS_TOPIC
-from beacon_ros_param.parameters import ENTITY_ID, Value, write
 
 __all__ = ["Declared"]
 
@@ -35,7 +35,7 @@ class Declared:
         """Declare and set what the hint gives, and undeclare what it does not.
 
         A value in the node's parameter file takes the place of a parameter's first one. Raises what
-        rclpy does where that has another type; ``UsageError`` as :func:`.parameters.write` does.
+        rclpy does where that has another type; ``UsageError`` as ``write`` does.
         """
         parameters = write(hint)
         first = not self._said

@@ -13,8 +13,8 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 
+from beacon_core.parameters.fields import ENTITY_ID, PREFIX
 from beacon_ros.graph import node_names
-from beacon_ros_param.parameters import ENTITY_ID, PREFIX
 
 __all__ = ["EVENTS_TOPIC", "Change", "change_in", "runs"]
 

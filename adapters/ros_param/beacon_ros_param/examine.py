@@ -12,13 +12,13 @@ from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.parameter import parameter_value_to_python
 
+from beacon_core.parameters.fields import ENTITY_ID, MAX_PARAMETERS, PREFIX, is_ours, read
 from beacon_core.ports.examination import Finding, Level
 from beacon_core.validator import is_valid_id
 from beacon_ros.examine import common_findings, listed, looking, node_findings, visible_nodes
 from beacon_ros.graph import node_names
 from beacon_ros.spinner import Spinner
 from beacon_ros_param.options import RosParamOptions
-from beacon_ros_param.parameters import ENTITY_ID, MAX_PARAMETERS, PREFIX, is_ours, read
 
 __all__ = ["examine"]
 

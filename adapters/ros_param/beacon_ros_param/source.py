@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_parameter_events
 
 from beacon_core.errors import ConfigError, UsageError
+from beacon_core.parameters.asker import Asker
 from beacon_core.ports.health import Condition, Health
 from beacon_core.ports.sink import HintSink
 from beacon_ros.graph import node_names
@@ -20,7 +21,6 @@ from beacon_ros.participant import OwnNode
 from beacon_ros.reader import Reader
 from beacon_ros.spinner import Spinner
 from beacon_ros.waiter import Waiter
-from beacon_ros_param.asker import Asker
 from beacon_ros_param.clients import RosClients
 from beacon_ros_param.events import EVENTS_TOPIC, change_in, runs
 from beacon_ros_param.options import RosParamOptions

@@ -17,6 +17,7 @@ pytest.importorskip("rclpy", reason="rclpy is not installed: there is no network
 from rclpy.context import Context
 from rclpy.node import Node
 
+from beacon_core.parameters.fields import ENTITY_ID, PREFIX
 from beacon_core.ports.adapter import Adapter
 from beacon_core.ports.examination import Finding, Level
 from beacon_core.wire.medkit import TYPE_HASH, TYPE_NAME
@@ -25,7 +26,6 @@ from beacon_ros.domains import DomainLease
 from beacon_ros.rawtype import raw_type
 from beacon_ros.spinner import Spinner
 from beacon_ros_param import ADAPTER as PARAM
-from beacon_ros_param.parameters import ENTITY_ID, PREFIX
 from beacon_ros_topic import ADAPTER as TOPIC
 from beacon_ros_topic import RosTopicOptions
 from beacon_ros_topic.qos import profile

@@ -16,6 +16,7 @@ from rcl_interfaces.srv import GetParameters, ListParameters
 
 from beacon_core.errors import ConfigError, UsageError
 from beacon_core.hint import BeaconHint
+from beacon_core.parameters.fields import PREFIX
 from beacon_core.ports.health import Condition
 from beacon_ros.graph import node_names
 from beacon_ros.participant import OwnNode
@@ -23,10 +24,9 @@ from beacon_ros.spinner import Spinner
 from beacon_ros_param.announcer import RosParamAnnouncer
 from beacon_ros_param.clients import RosClients
 from beacon_ros_param.options import RosParamOptions
-from beacon_ros_param.parameters import PREFIX
 
 if TYPE_CHECKING:
-    from beacon_ros_param.asking import NodeClient
+    from beacon_core.ports.asking import NodeClient
 
 WaitFor = Callable[..., None]
 

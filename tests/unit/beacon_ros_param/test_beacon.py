@@ -24,11 +24,11 @@ from rclpy.qos import qos_profile_parameter_events
 
 from beacon_core.errors import UsageError
 from beacon_core.hint import BeaconHint
+from beacon_core.parameters.fields import ENTITY_ID, PREFIX, read
 from beacon_ros.participant import OwnNode
 from beacon_ros.spinner import Spinner
 from beacon_ros_param.beacon import declare_beacon
 from beacon_ros_param.events import EVENTS_TOPIC
-from beacon_ros_param.parameters import ENTITY_ID, PREFIX, read
 
 if TYPE_CHECKING:
     from tests.unit.beacon_ros_param.conftest import Peers

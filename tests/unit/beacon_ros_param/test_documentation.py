@@ -19,10 +19,10 @@ import yaml
 pytest.importorskip("rclpy", reason="rclpy is not installed: the examples need it")
 
 from beacon_core.lifecycle import Status
+from beacon_core.parameters.fields import ENTITY_ID, PREFIX, read
 from beacon_core.testing.harness import Listener
 from beacon_ros_param.harness import RosParamHarness
 from beacon_ros_param.options import RosParamOptions
-from beacon_ros_param.parameters import ENTITY_ID, PREFIX, read
 
 if TYPE_CHECKING:
     from rclpy.node import Node

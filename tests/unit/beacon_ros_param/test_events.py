@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterValue
 from rclpy.serialization import serialize_message
 
+from beacon_core.parameters.fields import ENTITY_ID, PREFIX
 from beacon_ros.participant import OwnNode
 from beacon_ros_param.events import Change, change_in, runs
-from beacon_ros_param.parameters import ENTITY_ID, PREFIX
 
 if TYPE_CHECKING:
     from tests.unit.beacon_ros_param.conftest import Peers

@@ -49,9 +49,10 @@ def test_what_cannot_be_is_refused_by_name(key: str, value: Any, right: str) -> 
 
 
 def test_what_can_be_is_taken() -> None:
+    targets: Any = ["/arm/driver", "/_hidden"]
     options = RosParamOptions(
         domain_id=232,
-        targets=["/arm/driver", "/_hidden"],
+        targets=targets,
         interval_s=0.1,
         budget_s=0.1,
         timeout_s=0.1,

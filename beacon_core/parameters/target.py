@@ -6,9 +6,9 @@ from collections.abc import Collection, Mapping
 
 import attrs
 
+from beacon_core.parameters.fields import read
+from beacon_core.ports.asking import Drop, NodeClient
 from beacon_core.wire import json
-from beacon_ros_param.asking import Drop, NodeClient
-from beacon_ros_param.parameters import read
 
 __all__ = ["Poll", "Target"]
 

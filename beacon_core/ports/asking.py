@@ -1,4 +1,4 @@
-"""The port behind which nodes are asked: ROS in :mod:`.clients`, anything else in a test."""
+"""The port behind which nodes are asked for their parameters: by rclpy, by Zenoh, in a test."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ Drop = Callable[[], None]
 
 
 class NodeClient(Protocol):
-    """Asks one node. Thread rule: one thread. Nothing waits for the network, and what a context
-    that is shut down makes of it may be raised."""
+    """Asks one node. Thread rule: one thread. Nothing waits for the network, and whatever a carrier
+    that is shut down raises may be raised."""
 
     def ready(self) -> bool:
         """Is there somebody to answer? A question asked earlier would never be answered."""

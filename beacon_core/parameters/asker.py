@@ -3,22 +3,14 @@
 Theory. A node is seen in the graph, asked as long as it is there, and leaves::
 
     SEEN     its services are looked for: at once, and then ever more rarely, for many nodes have
-             none. Its GID may not be known for the first 100 ms, and is waited for
+             none. The GID that names its run may not be known for the first 100 ms, and is
+             waited for
     OPEN     the plan says when to ask it: what are its parameters, and what are their values. The
              answer is compared with the last one, as it came: nearly always it is the same, and
              nothing has to be read or written anew
     LEFT     if it is gone, or its GID is another: it was restarted. What was told of it is lost
 
-What an answer says was true after the question was asked; so the time of the question serves as
-the number of the message, and the GID as the name of the run. Between two answers a hint may have
-changed, or gone and come back: nobody will know.
-
-* a hint that is gone from an answer, or is about somebody else: goodbye;
-* a node that does not answer: nothing. It may be busy; its time to live speaks;
-* a node that has left: loss.
-
-An event may tell that a node takes its hint back, and then it is asked, to be sure. If it does not
-answer any more, or has left, that was its goodbye.
+What is told of all that, and when, is the business of :mod:`.teller`.
 
 Here is no ROS, no thread and no clock: whoever owns this hands in the graph, events and the time.
 """
@@ -31,28 +23,27 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from beacon_core.outcome import Outcome
+from beacon_core.parameters.fields import MAX_PARAMETERS, is_ours
+from beacon_core.parameters.polling import Polling
+from beacon_core.parameters.target import Poll, Target
+from beacon_core.parameters.teller import Teller
 from beacon_core.poller import PollPlan
+from beacon_core.ports.asking import ClientFactory, Done, Drop, NodeClient
 from beacon_core.ports.sink import HintSink
-from beacon_core.token_bucket import TokenBucket
-from beacon_ros_param.asking import ClientFactory, Done, Drop, NodeClient
-from beacon_ros_param.options import RosParamOptions
-from beacon_ros_param.parameters import MAX_PARAMETERS, is_ours
-from beacon_ros_param.target import Poll, Target
 
 __all__ = ["MAX_TARGETS", "Asker"]
 
 _log = logging.getLogger(__name__)
 
 MAX_TARGETS = 1_000
-"""Nodes that are asked; each takes 230 kB. Twice the largest robots there are; a flood of invented
-nodes beyond it is counted and ignored."""
+"""Nodes that are asked; by rclpy each takes 230 kB. Twice the largest robots there are; a flood of
+invented nodes beyond it is counted and ignored."""
 
 _MS = 1_000_000
 
 _OPEN_AT_ONCE = 4
-"""Nodes whose services are looked for before others get their turn: the two clients of one take
-2 to 10 ms."""
+"""Nodes whose services are looked for before others get their turn: in rclpy the two clients of one
+take 2 to 10 ms."""
 
 _LOOK_AGAIN_NS = 10 * _MS
 """The first wait for services that are not there yet; each further one is twice as long."""
@@ -66,9 +57,6 @@ _SETTLE_NS = 20 * _MS
 _AT_MOST_EVERY_NS = 100 * _MS
 """Events do not make a node be asked more often than this."""
 
-_LOG_RATE, _LOG_BURST = 1.0, 20.0
-"""Lines per second, and at once, that all nodes together can cause."""
-
 _Then = Callable[[Target, Poll, Sequence[Any] | None, int], None]
 
 
@@ -77,7 +65,7 @@ class Asker:
 
     def __init__(
         self,
-        options: RosParamOptions,
+        options: Polling,
         open_client: ClientFactory,
         sink: HintSink,
         wake: Callable[[], None],
@@ -96,21 +84,19 @@ class Asker:
             now_ns=now_ns,
         )
         self._stats = self._plan.stats()
-        self._open_client, self._sink, self._wake = open_client, sink, wake
-        self._stopped = False
+        self._teller = Teller(sink, now_ns)
+        self._open_client, self._wake = open_client, wake
         self._targets: dict[str, Target] = {}
         self._seen: dict[str, Target] = {}
         self._kept: dict[str, NodeClient] = {}
         # Of nodes that have left, until the plan forgets them.
         self._nudges: dict[str, int] = {}
         self._answers: deque[tuple[_Then, Target, Poll, Sequence[Any] | None]] = deque()
-        self._log_lines = TokenBucket(_LOG_RATE, capacity=_LOG_BURST, now_ns=now_ns)
-        self._refused = 0
-        self._counts = dict.fromkeys(("goodbyes", "lost", "nudges", "sink-errors"), 0)
+        self._refused = self._nudged = 0
 
     def stop(self) -> None:
         """Tell the sink nothing any more."""
-        self._stopped = True
+        self._teller.stop()
 
     def close(self) -> None:
         """Give up all questions, and what it took to ask them."""
@@ -123,15 +109,23 @@ class Asker:
                 client.close()
         self._targets.clear()
 
-    def see(self, runs: Mapping[str, Collection[str]], wanted: Iterable[str], now_ns: int) -> None:
+    def see(
+        self,
+        runs: Mapping[str, Collection[str]],
+        wanted: Iterable[str],
+        now_ns: int,
+        *,
+        why_gone: str = "its node left the ROS graph",
+    ) -> None:
         """The nodes of the graph by name, with the GIDs of those who have it, and whom to ask.
 
-        Who is there but not wanted any more is not asked, and nothing is told of it.
+        Who is there but not wanted any more is not asked, and nothing is told of it. ``why_gone``
+        is the reason, for people, why somebody is not there any more.
         """
         wanted = dict.fromkeys(name for name in wanted if name in runs)
         for target in list(self._targets.values()):
             if target.name not in runs:
-                self._leave(target, "its node left the ROS graph", now_ns)
+                self._leave(target, why_gone, now_ns)
             elif target.name not in wanted:
                 self._remove(target)
             elif not _is_run(target, runs[target.name]):
@@ -184,7 +178,8 @@ class Asker:
         """How much has been done, and how much there is of what; names in kebab-case."""
         stats, targets = self._stats, list(self._targets.values())
         return {
-            **self._counts,
+            **self._teller.counts,
+            "nudges": self._nudged,
             "targets": stats.targets,
             "unreachable": len(self._seen),
             "refused": self._refused,
@@ -214,17 +209,7 @@ class Asker:
 
     def _leave(self, target: Target, reason: str, now_ns: int) -> None:
         self._remove(target)
-        if not target.told_id:
-            return
-        if target.left_ns:
-            self._say_goodbye(target, now_ns)
-            return
-        self._counts["lost"] += 1
-        self._tell(
-            lambda: self._sink.lost(
-                target.told_id, target.name, incarnation=target.incarnation, reason=reason
-            )
-        )
+        self._teller.left(target, reason, now_ns)
 
     def _remove(self, target: Target) -> None:
         self._end_poll(target)
@@ -267,7 +252,7 @@ class Asker:
     def _nudge(self, now_ns: int) -> None:
         for name in [name for name, due_ns in self._nudges.items() if due_ns <= now_ns]:
             del self._nudges[name]
-            self._counts["nudges"] += 1
+            self._nudged += 1
             self._plan.nudge(name, now_ns)
 
     def _ask(self, target: Target, now_ns: int) -> None:
@@ -351,8 +336,7 @@ class Asker:
             return
         target.proven, target.silent = False, True
         self._end_poll(target)
-        if target.told_id and target.left_ns:
-            self._say_goodbye(target, now_ns)
+        self._teller.unanswered(target, now_ns)
 
     @staticmethod
     def _end_poll(target: Target) -> None:
@@ -360,57 +344,12 @@ class Asker:
             target.poll.drop()
             target.poll = None
 
-    # -- what follows
-
     def _heard(self, target: Target, poll: Poll, now_ns: int) -> None:
         self._plan.answered(target.name, now_ns)
         target.poll, target.proven, target.silent = None, True, False
-        if poll.sequence > target.left_ns:
-            target.left_ns = 0
-        for line in target.learn(poll.values):
-            if self._log_lines.try_consume(now_ns):
-                _log.warning("%s: left out: %s", target.name, line)
-        if target.told_id and target.told_id != target.hint_id:
-            self._say_goodbye(target, poll.sequence)
-        if not target.payload:
-            return
-        incarnation, sequence = _number(target, poll.sequence)
-        outcome = self._tell(
-            lambda: self._sink.offer(
-                target.payload, target.name, incarnation=incarnation, sequence=sequence
-            )
-        )
-        if outcome is not None and outcome.entity_id:
-            target.told_id = outcome.entity_id
-
-    def _say_goodbye(self, target: Target, at_ns: int) -> None:
-        self._counts["goodbyes"] += 1
-        incarnation, sequence = _number(target, at_ns)
-        said = self._tell(
-            lambda: self._sink.goodbye(
-                target.told_id, target.name, incarnation=incarnation, sequence=sequence
-            )
-        )
-        if said is not None:
-            target.told_id = ""
-
-    def _tell(self, what: Callable[[], Outcome]) -> Outcome | None:
-        """Call the sink, unless stopped."""
-        if self._stopped:
-            return None
-        try:
-            return what()
-        except Exception:  # noqa: BLE001 - sinks do not raise; one that does must not end this
-            self._counts["sink-errors"] += 1
-            _log.exception("the sink raised")
-            return None
+        self._teller.heard(target, poll, now_ns)
 
 
 def _is_run(target: Target, runs: Collection[str]) -> bool:
     """Is it still the same run? Not known of one whose GID is not, or of namesakes."""
     return not runs or not target.incarnation or target.incarnation in runs
-
-
-def _number(target: Target, at_ns: int) -> tuple[str, int]:
-    """Without the name of the run a number says nothing."""
-    return target.incarnation, at_ns if target.incarnation else 0

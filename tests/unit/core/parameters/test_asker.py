@@ -1,4 +1,4 @@
-"""What is asked of whom, and what follows; without ROS, on nodes and a clock of the test's own."""
+"""What is asked of whom, and what follows; on nodes and a clock of the test's own."""
 
 from __future__ import annotations
 
@@ -11,17 +11,27 @@ import pytest
 
 from beacon_core.hint import BeaconHint
 from beacon_core.outcome import Outcome, Verdict
+from beacon_core.parameters import asker as module
+from beacon_core.parameters.asker import Asker
+from beacon_core.parameters.fields import ENTITY_ID, MAX_PARAMETERS, PREFIX
+from beacon_core.ports.asking import Done, Drop
 from beacon_core.wire import json
-from beacon_ros_param import asker as module
-from beacon_ros_param.asker import Asker
-from beacon_ros_param.asking import Done, Drop
-from beacon_ros_param.options import RosParamOptions
-from beacon_ros_param.parameters import ENTITY_ID, MAX_PARAMETERS, PREFIX
 
 MS = 1_000_000
 SECOND = 1000 * MS
 
 Call = tuple[Any, ...]
+
+
+@attrs.frozen
+class Settings:
+    """As a configuration gives them, but faster."""
+
+    interval_s: float = 1.0
+    budget_s: float = 10.0
+    timeout_s: float = 0.5
+    max_in_flight: int = 128
+    forget_after_s: float = 60.0
 
 
 @attrs.define(eq=False)
@@ -126,8 +136,7 @@ class World:
         self.opened: list[str] = []
         self.wakes = 0
         self.sink = Sink()
-        given = {"interval_s": 1.0, "budget_s": 10.0, "timeout_s": 0.5, **options}
-        self.asker = Asker(RosParamOptions(**given), self._open, self.sink, self._wake, self.now_ns)
+        self.asker = Asker(Settings(**options), self._open, self.sink, self._wake, self.now_ns)
 
     def add(self, name: str, hint_id: str = "", **parameters: Any) -> FakeNode:
         """A node with a hint, if an id is given, and a GID like its name."""
@@ -410,6 +419,15 @@ def test_who_leaves_the_graph_is_lost_and_why_is_told() -> None:
     assert world.asker.counters()["lost"] == 1
 
 
+def test_why_somebody_is_gone_may_be_told() -> None:
+    world = World()
+    world.add("/engine", "engine")
+    world.look()
+    world.run()
+    world.asker.see({}, [], world.now_ns, why_gone="the cable is cut")
+    assert world.sink.calls[-1][3]["reason"] == "the cable is cut"
+
+
 def test_who_leaves_without_a_hint_is_no_loss() -> None:
     world = World()
     world.add("/plain")
@@ -473,6 +491,19 @@ def test_the_clients_of_who_left_are_closed_after_a_while() -> None:
     closed_early = node.closed
     world.run(0.2)
     assert (closed_early, node.closed) == (0, 1)
+
+
+def test_the_clients_of_who_came_back_and_cannot_be_asked_yet_are_kept() -> None:
+    world = World(forget_after_s=30.0)
+    node = world.add("/engine", "engine")
+    world.look()
+    world.run()
+    del world.nodes["/engine"]
+    world.look()
+    node.ready_now, world.nodes["/engine"] = False, node
+    world.look()
+    world.run(60.0)
+    assert not node.closed
 
 
 def test_who_is_not_wanted_any_more_is_not_asked_and_nothing_is_told_of_it() -> None:
@@ -761,6 +792,15 @@ def test_closing_drops_what_is_under_way_and_closes_every_client() -> None:
     world.asker.close()
     assert hung.dropped == 1
     assert [node.closed for node in (hung, gone, unready)] == [1, 1, 1]
+
+
+def test_closing_before_anybody_was_met_closes_nothing() -> None:
+    world = World()
+    node = world.add("/engine", "engine")
+    world.look()
+    world.asker.close()
+    assert not node.looked
+    assert not node.closed
 
 
 def test_an_answer_wakes_the_owner_from_whatever_thread_it_comes() -> None:

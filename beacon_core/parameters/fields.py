@@ -2,7 +2,7 @@
 
 ``ros2_medkit.discovery.entity_id`` is the one that must be there; without it, or with an empty one,
 a node says nothing. What has a wrong type, and what is no field of a hint, is left out and
-reported. Values are as rclpy has them: ``str``, ``int``, ``list[str]`` and others.
+reported. Values are as Python has them: ``str``, ``int``, ``list[str]`` and others.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ PREFIX = "ros2_medkit.discovery"
 """What the names of all these parameters begin with; ros2_medkit reads the same."""
 
 ENTITY_ID = f"{PREFIX}.entity_id"
+"""Without it, or with an empty one, a node says nothing."""
 
 MAX_PARAMETERS = 500
 """Parameters that one node is asked for: eight times what a hint has. So a node that declares a

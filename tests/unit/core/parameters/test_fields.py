@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from beacon_core.errors import UsageError
 from beacon_core.hint import NO_METADATA, BeaconHint
+from beacon_core.parameters.fields import ENTITY_ID, PREFIX, Reading, is_ours, read, write
 from beacon_core.testing.examples import BENCH_HINT
 from beacon_core.testing.strategies import hints, raw_hints
-from beacon_ros_param.parameters import ENTITY_ID, PREFIX, Reading, is_ours, read, write
 
 D = f"{PREFIX}."
 
