@@ -114,6 +114,7 @@ class HttpConfig:
 
     host: str = "127.0.0.1"
     port: int = attrs.field(default=8080, validator=_port)
+    max_streams: int = attrs.field(default=2000, metadata={"at_least": 1})
 
 
 @attrs.frozen

@@ -37,6 +37,8 @@ class Gateway:
         self.config = config
         self.clock: Clock = SystemClock() if clock is None else clock
         self.started_ns = self.clock.monotonic_ns()
+        self.stopping = threading.Event()
+        """Set when answers that have no end of their own must end: the streams."""
         adapters = {name: lookup(source.adapter) for name, source in config.sources.items()}
         self.vendor_endpoints = vendor_endpoints(adapters)
         """Beside ours: each with the names of the adapters whose view is served there."""
@@ -78,6 +80,7 @@ class Gateway:
     def close(self) -> None:
         """Stop listening. Idempotent, within 2 s whatever an adapter does; what was heard stays
         readable."""
+        self.stopping.set()
         self._closing.set()
         threads = [
             threading.Thread(target=_close, args=(listener,), daemon=True)

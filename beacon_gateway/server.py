@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import errno
+import resource
 import socket
+from collections.abc import Callable
 from types import FrameType
 
 import uvicorn
@@ -11,10 +13,17 @@ from starlette.applications import Starlette
 
 from beacon_core.errors import BeaconError
 
-__all__ = ["BindError", "HttpServer", "free_port"]
+__all__ = ["BindError", "HttpServer", "allow_connections", "free_port"]
 
 _SHUTDOWN_S = 1
 """How long answers under way may take once the server is told to stop."""
+
+_UNREAD_S = 30
+"""A client that takes nothing of an answer for so long is cut off by the kernel, and with it one
+that is not there any more: a server could not get rid of what it has already handed over."""
+
+_BACKLOG = 1024
+"""Clients that may connect at once, such as a thousand streams after a restart."""
 
 
 class BindError(BeaconError):
@@ -36,8 +45,11 @@ class HttpServer:
         self._server: uvicorn.Server | None = None
         self._stopped = False
 
-    def serve(self, app: Starlette) -> None:
-        """Serve until :meth:`stop` (SIGINT and SIGTERM do that too, in the main thread)."""
+    def serve(self, app: Starlette, *, at_stop: Callable[[], None] | None = None) -> None:
+        """Serve until :meth:`stop` (SIGINT and SIGTERM do that too, in the main thread).
+
+        ``at_stop`` is called first of all then: it lets answers end that have no end of their own.
+        """
         config = uvicorn.Config(
             app,
             log_config=None,
@@ -46,7 +58,7 @@ class HttpServer:
             ws="none",
             timeout_graceful_shutdown=_SHUTDOWN_S,
         )
-        self._server = _Server(config)
+        self._server = _Server(config, at_stop)
         self._server.should_exit = self._stopped
         self._server.run(sockets=[self._socket])
 
@@ -61,6 +73,16 @@ class HttpServer:
         self._socket.close()
 
 
+def allow_connections(count: int) -> None:
+    """Let this process have so many connections, and as much again for all else, if it may."""
+    now, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = 2 * count + 1024
+    if most != resource.RLIM_INFINITY:
+        wanted = min(wanted, most)
+    if now != resource.RLIM_INFINITY and now < wanted:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, most))
+
+
 def free_port() -> int:
     """A port of this machine that was free a moment ago."""
     with _bind("127.0.0.1", 0) as bound:
@@ -69,6 +91,15 @@ def free_port() -> int:
 
 
 class _Server(uvicorn.Server):
+    def __init__(self, config: uvicorn.Config, at_stop: Callable[[], None] | None) -> None:
+        super().__init__(config)
+        self._at_stop = at_stop
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        if self._at_stop is not None:
+            self._at_stop()
+        await super().shutdown(sockets)
+
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         # uvicorn would raise the signal again when done, and the process would die of it instead
         # of exiting with 0.
@@ -86,8 +117,9 @@ def _bind(host: str, port: int) -> socket.socket:
     bound = socket.socket(family, kind, proto)
     try:
         bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        bound.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _UNREAD_S * 1000)
         bound.bind(address)
-        bound.listen(128)
+        bound.listen(_BACKLOG)
     except OSError as error:
         bound.close()
         raise BindError(_cannot(host, port, error)) from error

@@ -20,7 +20,7 @@ from beacon_gateway.console.terminal import write_json
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.http import create_app
 from beacon_gateway.problems import headed
-from beacon_gateway.server import HttpServer
+from beacon_gateway.server import HttpServer, allow_connections
 
 __all__ = ["opened", "parser", "read_config", "run"]
 
@@ -54,7 +54,8 @@ def run(arguments: argparse.Namespace) -> int:
         _log.info("serving %s", server.url)
         if arguments.json:
             write_json({"url": server.url}, indent=None)
-        server.serve(create_app(gateway))
+        allow_connections(config.http.max_streams)
+        server.serve(create_app(gateway), at_stop=gateway.stopping.set)
     _log.info("stopped")
     return Exit.OK
 
