@@ -15,14 +15,18 @@ from typing import Any, Protocol
 import attrs
 
 from beacon_core.entities import App, Area, Component, Entities, Function
+from beacon_core.errors import ConfigError
 from beacon_core.limits import MAX_HINTS
 from beacon_core.ports.adapter import Adapter
 from beacon_core.skew import SkewPolicy
 from beacon_core.validator import is_valid_id
 from beacon_gateway.adapters import load_adapter
 from beacon_gateway.documents import read_yaml
-from beacon_gateway.problems import Problem
+from beacon_gateway.ids import an_id, an_id_or_empty, ids
+from beacon_gateway.problems import DocumentError, Problem
 from beacon_gateway.structuring import Structurer
+from beacon_gateway.tree import entities as tree
+from beacon_gateway.tree.manifest import Manifest, load_manifest
 
 __all__ = [
     "DEFAULT_SOURCES",
@@ -30,6 +34,7 @@ __all__ = [
     "AreaEntry",
     "ComponentEntry",
     "Config",
+    "DefaultComponent",
     "EntitiesConfig",
     "FunctionEntry",
     "HttpConfig",
@@ -40,6 +45,7 @@ __all__ = [
     "default_config",
     "load_config",
     "parse_config",
+    "read_manifest",
 ]
 
 DEFAULT_SOURCES: Mapping[str, object] = {
@@ -70,26 +76,9 @@ def _port(_: object, __: object, value: int) -> None:
         raise ValueError(f"found the number {value}; give a port, 0 to 65535 (0: any free one)")
 
 
-def _id(_: object, __: object, value: str) -> None:
-    if not is_valid_id(value):
-        raise ValueError(
-            f"found {ascii(value)[:60]}; give an id: 1 to 256 characters of A-Z a-z 0-9 _ -"
-        )
-
-
-def _id_or_empty(instance: object, attribute: object, value: str) -> None:
-    if value:
-        _id(instance, attribute, value)
-
-
 def _node_or_empty(_: object, __: object, value: str) -> None:
     if value and not _NODE.fullmatch(value):
         raise ValueError(f"found {ascii(value)[:60]}; give a node's full name, such as /arm/driver")
-
-
-def _ids(instance: object, attribute: object, value: tuple[str, ...]) -> None:
-    for entry in value:
-        _id(instance, attribute, entry)
 
 
 def _unlike(_: object, __: object, value: tuple[_Entry, ...]) -> None:
@@ -136,7 +125,7 @@ class SourceConfig:
 class AreaEntry:
     """A part of the machine or of the plant that is known beforehand."""
 
-    id: str = attrs.field(validator=_id, metadata={"right": "an id"})
+    id: str = attrs.field(validator=an_id, metadata={"right": "an id"})
     name: str = ""
 
 
@@ -144,7 +133,7 @@ class AreaEntry:
 class ComponentEntry:
     """A computer, a controller or a device; only what is configured is one, no hint adds any."""
 
-    id: str = attrs.field(validator=_id, metadata={"right": "an id"})
+    id: str = attrs.field(validator=an_id, metadata={"right": "an id"})
     name: str = ""
 
 
@@ -153,9 +142,9 @@ class AppEntry:
     """An app that is listed whether or not it is ever heard; ``component_id`` is its host, and
     ``ros_node`` the full name of its ROS node."""
 
-    id: str = attrs.field(validator=_id, metadata={"right": "an id"})
+    id: str = attrs.field(validator=an_id, metadata={"right": "an id"})
     name: str = ""
-    component_id: str = attrs.field(default="", validator=_id_or_empty)
+    component_id: str = attrs.field(default="", validator=an_id_or_empty)
     ros_node: str = attrs.field(default="", validator=_node_or_empty)
 
 
@@ -163,9 +152,9 @@ class AppEntry:
 class FunctionEntry:
     """Something the machine can do; ``hosts`` are the ids that take part whatever hints say."""
 
-    id: str = attrs.field(validator=_id, metadata={"right": "an id"})
+    id: str = attrs.field(validator=an_id, metadata={"right": "an id"})
     name: str = ""
-    hosts: tuple[str, ...] = attrs.field(default=(), validator=_ids)
+    hosts: tuple[str, ...] = attrs.field(default=(), validator=ids)
 
 
 @attrs.frozen
@@ -188,9 +177,35 @@ class EntitiesConfig:
             functions=[Function(entry.id, entry.name, entry.hosts) for entry in self.functions],
         )
 
+    def tree(self) -> tree.Tree:
+        """The same as the gateway's tree."""
+        return tree.Tree(
+            areas={one.id: tree.Area(one.id, one.name) for one in self.areas},
+            components={one.id: tree.Component(one.id, one.name) for one in self.components},
+            apps={one.id: _app(one) for one in self.apps},
+            functions={
+                one.id: tree.Function(one.id, one.name, one.hosts) for one in self.functions
+            },
+        )
+
     def ros_nodes(self) -> frozenset[str]:
         """The nodes of those apps that name theirs."""
         return frozenset(entry.ros_node for entry in self.apps if entry.ros_node)
+
+
+def _app(entry: AppEntry) -> tree.App:
+    node = entry.ros_node.removeprefix("/")
+    binding = tree.RosBinding(node) if node else None
+    return tree.App(entry.id, entry.name, entry.component_id, ros_binding=binding)
+
+
+@attrs.frozen
+class DefaultComponent:
+    """Where apps are listed that nobody places."""
+
+    id: str = attrs.field(default="", validator=an_id_or_empty)
+    name: str = ""
+    area: str = attrs.field(default="unplaced", validator=an_id)
 
 
 @attrs.frozen
@@ -204,6 +219,11 @@ class Config:
         metadata={"right": "sources by name, such as {robots: {adapter: zenoh}}"},
     )
     entities: EntitiesConfig = EntitiesConfig()
+    manifest: str = ""
+    strict_manifest: bool = False
+    strict_upstream_merge: bool = False
+    runtime_nodes: bool = False
+    default_component: DefaultComponent = DefaultComponent()
     allow_new_entities: bool = True
     server_name: str = "Beacon gateway"
     server_version: str = ""
@@ -231,21 +251,67 @@ def default_config(lookup: Lookup = load_adapter) -> Loaded:
 
 def load_config(path: Path, lookup: Lookup = load_adapter) -> Loaded:
     """Read a file. Raises ``ConfigError``: every problem at once, one per line."""
-    return parse_config(read_yaml(path), lookup)
+    return parse_config(read_yaml(path), lookup, folder=path.parent)
 
 
-def parse_config(document: object, lookup: Lookup = load_adapter) -> Loaded:
-    """Structure what a file holds; an empty one gives the default. Raises as ``load_config``."""
+def parse_config(
+    document: object, lookup: Lookup = load_adapter, *, folder: Path | None = None
+) -> Loaded:
+    """Structure what a file holds; an empty one gives the default. Raises as ``load_config``.
+
+    ``folder``: where the path of a manifest begins; without, where the process is.
+    """
     structurer = Structurer()
     structurer.hook(SourceConfig, lambda value: _source(value, structurer, lookup))
-    structurer.hook(Config, lambda value: _config(value, structurer))
+    structurer.hook(Config, lambda value: _config(value, structurer, folder))
     config = structurer.structure({} if document is None else document, Config)
     return Loaded(config, tuple(structurer.corrections))
 
 
-def _config(value: object, structurer: Structurer) -> Config:
+def read_manifest(config: Config) -> Manifest:
+    """All that is known beforehand: the manifest's file, and ``entities`` beside it.
+
+    Raises ``ConfigError`` as ``load_config`` does, which has read it before; it may have changed.
+    """
+    given = config.entities.tree()
+    if not config.manifest:
+        return Manifest(given)
+    written = load_manifest(Path(config.manifest), strict=config.strict_manifest)
+    twice = _ids_of(given) & _ids_of(written.tree)
+    if twice:
+        raise ConfigError(f"{', '.join(sorted(twice))}: in entities too; give each id once")
+    both = tree.Tree(
+        {**written.tree.areas, **given.areas},
+        {**written.tree.components, **given.components},
+        {**written.tree.apps, **given.apps},
+        {**written.tree.functions, **given.functions},
+    )
+    return attrs.evolve(written, tree=both)
+
+
+def _ids_of(given: tree.Tree) -> set[str]:
+    return {*given.areas, *given.components, *given.apps, *given.functions}
+
+
+def _config(value: object, structurer: Structurer, folder: Path | None) -> Config:
     given = structurer.mapping(value)
-    return structurer.fields({"sources": DEFAULT_SOURCES, **given}, Config)
+    config = structurer.fields({"sources": DEFAULT_SOURCES, **given}, Config)
+    if config.manifest:
+        config = attrs.evolve(config, manifest=str((folder or Path()) / config.manifest))
+        with structurer.at(".manifest"):
+            _check_manifest(config, structurer)
+    return config
+
+
+def _check_manifest(config: Config, structurer: Structurer) -> None:
+    try:
+        doubts = read_manifest(config).warnings
+    except DocumentError as error:
+        for problem in error.problems:
+            structurer.note(f"{config.manifest}: {problem}")
+    else:
+        for doubt in doubts:
+            structurer.correct(f"{config.manifest}: {doubt}")
 
 
 def _source(value: object, structurer: Structurer, lookup: Lookup) -> SourceConfig:

@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
-import enum
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import attrs
 
+from beacon_core import entities as core
 from beacon_core.entities import App, Component, Entities
 from beacon_gateway.departures import Departures
 from beacon_gateway.listener import Listener
+from beacon_gateway.tree.entities import Kind, Tree
+from beacon_gateway.tree.keeper import MergeReport, TreeKeeper, TreeSettings
+from beacon_gateway.tree.manifest import Manifest
+from beacon_gateway.tree.rollup import RollUp
 from beacon_gateway.views import Beacon, View, with_departure
 
 __all__ = ["Directory", "Found", "Kind"]
 
 _NEW_APP_SOURCE = "beacon"
 """The ``source`` of an app that nobody but its own hint told of."""
-
-
-class Kind(enum.Enum):
-    """What an id may stand for, in the order in which it is looked up."""
-
-    COMPONENT = "Component"
-    APP = "App"
-    AREA = "Area"
-    FUNCTION = "Function"
 
 
 @attrs.frozen
@@ -36,23 +31,49 @@ class Found:
 
 
 class Directory:
-    """Answers from the stores as they are now, and from who went last; keeps nothing itself.
+    """Answers from the stores as they are now, and from who went last.
 
     Thread rule: every method may be called from any thread.
     """
 
     def __init__(
         self,
-        known: Entities,
+        manifest: Manifest,
         listeners: Sequence[Listener],
         departures: Departures,
-        *,
-        allow_new_entities: bool,
+        settings: TreeSettings,
     ) -> None:
-        self._known = known
+        self._known = _core_entities(manifest.tree)
         self._listeners = listeners
         self._departures = departures
-        self._allow_new_entities = allow_new_entities
+        self._allow_new_entities = settings.allow_new_entities
+        self._keeper = TreeKeeper(
+            manifest,
+            [listener.store for listener in listeners],
+            [listener.nodes for listener in listeners if listener.knows_nodes],
+            self.beacon,
+            settings,
+        )
+
+    def tree(self) -> Tree:
+        """All entities as they are now. Without a change it is the same object as before."""
+        return self._keeper.tree()
+
+    def never_heard(self, entity_id: str) -> bool:
+        """It is known beforehand, and no hint about it has come since the gateway began."""
+        return self._keeper.never_heard(entity_id)
+
+    def roll_up(self, entity_id: str) -> RollUp:
+        """Whether it is active with all it depends on; if not, through whom and why."""
+        return self._keeper.roll_up(entity_id)
+
+    def roll_ups(self) -> Mapping[str, RollUp]:
+        """The same for all entities of the tree, by id: for many of them far cheaper."""
+        return self._keeper.roll_ups()
+
+    def report(self) -> MergeReport:
+        """How the tree came about."""
+        return self._keeper.report()
 
     def apps(self) -> Iterator[Found]:
         """All apps: the known ones, then those nobody but their own hint told of.
@@ -125,3 +146,12 @@ class Directory:
         hint = beacon.stored.hint
         app = App(entity_id, hint.display_name, hint.component_id, source=_NEW_APP_SOURCE)
         return Found(app, beacon)
+
+
+def _core_entities(tree: Tree) -> Entities:
+    return Entities(
+        areas=[core.Area(one.id, one.name) for one in tree.areas.values()],
+        components=[Component(one.id, one.name, one.source) for one in tree.components.values()],
+        apps=[App(one.id, one.name, one.component_id) for one in tree.apps.values()],
+        functions=[core.Function(one.id, one.name, one.hosts) for one in tree.functions.values()],
+    )

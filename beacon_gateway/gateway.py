@@ -10,10 +10,12 @@ from collections.abc import Iterable
 from beacon_core.clock import Clock, SystemClock
 from beacon_core.limits import MAX_HINTS
 from beacon_gateway.adapters import load_adapter
-from beacon_gateway.config import Config, Lookup
+from beacon_gateway.config import Config, Lookup, read_manifest
 from beacon_gateway.departures import Departures
 from beacon_gateway.directory import Directory
 from beacon_gateway.listener import Listener
+from beacon_gateway.tree.host import Host
+from beacon_gateway.tree.keeper import TreeSettings
 from beacon_gateway.vendor import vendor_endpoints
 
 __all__ = ["Gateway"]
@@ -56,10 +58,7 @@ class Gateway:
             for name, source in config.sources.items()
         )
         self.directory = Directory(
-            config.entities.known(),
-            self.listeners,
-            departures,
-            allow_new_entities=config.allow_new_entities,
+            read_manifest(config), self.listeners, departures, _tree_settings(config)
         )
         self._closing = threading.Event()
         self._sweeper = threading.Thread(target=self._sweep, name="beacon-sweeper", daemon=True)
@@ -109,6 +108,16 @@ class Gateway:
                 return
             for store in stores:
                 store.sweep()
+
+
+def _tree_settings(config: Config) -> TreeSettings:
+    default = config.default_component
+    return TreeSettings(
+        host=Host.named(default.id, default.name, default.area),
+        allow_new_entities=config.allow_new_entities,
+        strict_upstream_merge=config.strict_upstream_merge,
+        runtime_nodes=config.runtime_nodes,
+    )
 
 
 def _close(listener: Listener) -> None:

@@ -11,6 +11,7 @@ from beacon_core.intake import Intake
 from beacon_core.lifecycle import Status
 from beacon_core.mapper import IncrementalMapper
 from beacon_core.ports.adapter import Adapter
+from beacon_core.ports.graph import Graph
 from beacon_core.ports.targeted import Targeted
 from beacon_core.store import HintStore
 from beacon_core.stored import StoredHint
@@ -76,6 +77,15 @@ class Listener:
     def close(self) -> None:
         """Stop listening; see :meth:`beacon_core.ports.source.HintSource.close`."""
         self.source.close()
+
+    @property
+    def knows_nodes(self) -> bool:
+        """Its carrier shows the ROS graph."""
+        return isinstance(self.source, Graph)
+
+    def nodes(self) -> frozenset[str]:
+        """The nodes of the ROS graph; see :class:`beacon_core.ports.graph.Graph`."""
+        return self.source.nodes() if isinstance(self.source, Graph) else frozenset()
 
     def new_app_ids(self, known: Entities) -> dict[str, None]:
         """The apps nobody but their own hint told of, in a stable order.

@@ -1,0 +1,264 @@
+"""What the beacons add to the tree: one layer over all sources.
+
+An entity that several sources have heard of is taken as the freshest of them has it
+(:mod:`beacon_gateway.views`), and so are its words here. A hint about a known app or component adds
+to it; one about nobody known makes a new app, or is skipped. Its function ids make it a host of
+those functions that exist. Who said goodbye is listed until its tombstone lapses, but takes part in
+nothing.
+
+Mapping again costs what has changed. A store tells of its changes, and a refresh is none; but a
+refresh may turn the freshest source into another one, so entities of which several sources say
+different things are looked at each time.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from typing import Generic, TypeVar
+
+from beacon_core.lifecycle import Status
+from beacon_core.limits import MAX_SKIPS_LOGGED
+from beacon_core.store import HintStore
+from beacon_gateway.tree.entities import App, Component, Function, Tree
+from beacon_gateway.views import Beacon, View
+
+__all__ = ["BEACON", "BeaconLayer"]
+
+BEACON = "beacon"
+"""The ``source`` of what nobody but a hint told of."""
+
+_T = TypeVar("_T")
+
+
+class BeaconLayer:
+    """Keeps the last result, and maps again what has changed since.
+
+    Thread rule: none of its own; one call at a time. (The stores may be filled meanwhile.)
+    """
+
+    def __init__(
+        self,
+        stores: Sequence[HintStore],
+        beacon: Callable[[str], Beacon | None],
+        *,
+        listed: Iterable[str] = (),
+        allow_new_entities: bool,
+        with_dependencies: bool = True,
+    ) -> None:
+        """``beacon`` says how all sources together have an entity. ``listed``: ids to remember, if
+        they were ever heard. ``with_dependencies``: a hint's go into the tree."""
+        self._beacon = beacon
+        self._allow_new_entities = allow_new_entities
+        self._with_dependencies = with_dependencies
+        self._readers = [_Reader(store) for store in stores]
+        self._silent = set(listed)
+        self._known = Tree()
+        self._tree = Tree()
+        self._beacons: dict[str, Beacon] = {}
+        self._doubtful: dict[str, None] = {}
+        self._members = _Members()
+        self._skipped: set[str] = set()
+        self._newly_skipped: list[str] = []
+        self.revision = 0
+        """Rises when a beacon has changed in any way but its age."""
+
+    @property
+    def never_heard(self) -> Container[str]:
+        """Of the listed ids those of which no hint has ever come."""
+        return self._silent
+
+    def last(self, entity_id: str) -> Beacon | None:
+        """An entity's beacon as it was mapped last."""
+        return self._beacons.get(entity_id)
+
+    def map(self, known: Tree) -> Tree:
+        """What the hints say beside ``known``, which holds what all other layers know.
+
+        The same object as last time if nothing has changed.
+        """
+        touched = dict(self._doubtful)
+        for reader in self._readers:
+            touched |= reader.changed()
+        self._silent.difference_update(touched)
+        before, self._known = self._known, known
+        if before is not known:
+            touched |= self._moved(before, known)
+        if touched or self._members.changed:
+            self._tree = self._mapped(touched)
+        return self._tree
+
+    def newly_skipped(self) -> list[str]:
+        """Whose hint was skipped for the first time, since the last call. It is bounded."""
+        found, self._newly_skipped = self._newly_skipped, []
+        return found
+
+    def _moved(self, old: Tree, new: Tree) -> dict[str, None]:
+        """Whose hint means something else now; and the functions that came or went are noted."""
+        self._members.changed.update(dict.fromkeys(old.functions.keys() ^ new.functions.keys()))
+        moved = old.apps.keys() ^ new.apps.keys() | old.components.keys() ^ new.components.keys()
+        return dict.fromkeys(one for one in moved if one in self._beacons)
+
+    def _mapped(self, touched: Iterable[str]) -> Tree:
+        apps, components = _Column(self._tree.apps), _Column(self._tree.components)
+        functions = _Column(self._tree.functions)
+        for entity_id in touched:
+            shadow = self._shadow(entity_id)
+            apps.put(entity_id, shadow if isinstance(shadow, App) else None)
+            components.put(entity_id, shadow if isinstance(shadow, Component) else None)
+        for function_id in self._members.changed:
+            functions.put(function_id, self._function(function_id))
+        self._members.changed.clear()
+        columns = (components, apps, functions)
+        if not any(column.changed for column in columns):
+            return self._tree
+        return Tree(components=components.items, apps=apps.items, functions=functions.items)
+
+    def _shadow(self, entity_id: str) -> App | Component | None:
+        """What its beacon says of it now; keeps the beacon, and whom it hosts."""
+        beacon = self._beacon(entity_id)
+        self._note(entity_id, beacon)
+        shadow = beacon and self._said(entity_id, beacon)
+        if not beacon or not shadow:
+            self._members.put(entity_id, ())
+            return None
+        gone = beacon.status is Status.LEFT
+        self._members.put(entity_id, () if gone else beacon.stored.hint.function_ids)
+        return shadow
+
+    def _said(self, entity_id: str, beacon: Beacon) -> App | Component | None:
+        hint = beacon.stored.hint
+        depends_on = hint.depends_on if self._with_dependencies else ()
+        if entity_id in self._known.apps:
+            kind: type[App | Component] = App
+        elif entity_id in self._known.components:
+            kind = Component
+        elif self._allow_new_entities:
+            kind = App
+        else:
+            self._skip(entity_id)
+            return None
+        if kind is Component:
+            return Component(entity_id, hint.display_name, depends_on=depends_on, source=BEACON)
+        return App(entity_id, hint.display_name, hint.component_id, depends_on, source=BEACON)
+
+    def _function(self, function_id: str) -> Function | None:
+        hosts = self._members.of(function_id)
+        if function_id not in self._known.functions or not hosts:
+            return None
+        return Function(function_id, hosts=hosts, source=BEACON)
+
+    def _note(self, entity_id: str, beacon: Beacon | None) -> None:
+        before = self._beacons.pop(entity_id, None)
+        self._doubtful.pop(entity_id, None)
+        if beacon is not None:
+            self._beacons[entity_id] = beacon
+            if len(set(map(_words, beacon.views))) > 1:
+                self._doubtful[entity_id] = None
+        if (before and _state(before)) != (beacon and _state(beacon)):
+            self.revision += 1
+
+    def _skip(self, entity_id: str) -> None:
+        if entity_id in self._skipped or len(self._skipped) >= MAX_SKIPS_LOGGED:
+            return
+        self._skipped.add(entity_id)
+        self._newly_skipped.append(entity_id)
+
+
+class _Reader:
+    """What has changed in one store since the last time."""
+
+    def __init__(self, store: HintStore) -> None:
+        self._store = store
+        self._revision = 0
+        self._ids: set[str] = set()
+
+    def changed(self) -> dict[str, None]:
+        changes = self._store.changes_since(self._revision)
+        self._revision = changes.revision
+        changed: dict[str, None] = {}
+        if changes.complete:
+            changed.update(dict.fromkeys(self._ids))
+            self._ids.clear()
+        for stored in changes.hints:
+            self._ids.add(stored.entity_id)
+            changed[stored.entity_id] = None
+        for entity_id in changes.gone:
+            self._ids.discard(entity_id)
+            changed[entity_id] = None
+        return changed
+
+
+class _Column(Generic[_T]):
+    """Some of a tree's entities, to be changed: a copy from the first change on."""
+
+    def __init__(self, items: Mapping[str, _T]) -> None:
+        self._original = items
+        self._copy: dict[str, _T] | None = None
+
+    @property
+    def items(self) -> Mapping[str, _T]:
+        return self._original if self._copy is None else self._copy
+
+    @property
+    def changed(self) -> bool:
+        return self._copy is not None
+
+    def put(self, key: str, value: _T | None) -> None:
+        """Set, or (``None``) take away; what is equal stays the same object."""
+        if self.items.get(key) == value:
+            return
+        if self._copy is None:
+            self._copy = dict(self._original)
+        if value is None:
+            del self._copy[key]
+        else:
+            self._copy[key] = value
+
+
+class _Members:
+    """Who names which function. Unknown functions too: one may appear at any time."""
+
+    def __init__(self) -> None:
+        self.changed: dict[str, None] = {}
+        """Functions whose hosts are others since somebody emptied this."""
+        self._hosts: dict[str, dict[str, None]] = defaultdict(dict)
+        self._named: dict[str, tuple[str, ...]] = {}
+
+    def of(self, function_id: str) -> tuple[str, ...]:
+        return tuple(self._hosts.get(function_id, ()))
+
+    def put(self, entity_id: str, function_ids: tuple[str, ...]) -> None:
+        """Set all that ``entity_id`` names, in place of what it named before."""
+        before = self._named.pop(entity_id, ())
+        if function_ids:
+            self._named[entity_id] = function_ids
+        if before == function_ids:
+            return
+        for function_id in set(before).difference(function_ids):
+            del self._hosts[function_id][entity_id]
+            if not self._hosts[function_id]:
+                del self._hosts[function_id]
+            self.changed[function_id] = None
+        for function_id in function_ids:
+            self._hosts[function_id][entity_id] = None
+            self.changed[function_id] = None
+
+
+def _words(view: View) -> tuple[object, ...]:
+    """What makes one source's view another than the next one's, but for when it was heard."""
+    stored = view.stored
+    hint = stored.hint
+    return (
+        stored.status,
+        hint.display_name,
+        hint.component_id,
+        hint.function_ids,
+        hint.depends_on,
+    )
+
+
+def _state(beacon: Beacon) -> tuple[object, ...]:
+    """What others may be told of: whether it is there, why not, and whom it needs."""
+    stored = beacon.stored
+    return stored.status, stored.cause, stored.detail, stored.hint.depends_on

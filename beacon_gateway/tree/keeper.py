@@ -1,0 +1,245 @@
+"""The one tree, always up to date: manifest, ROS graph, host and beacons, merged on demand."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from types import MappingProxyType
+
+import attrs
+
+from beacon_core.store import HintStore
+from beacon_core.text import quoted
+from beacon_gateway.tree.beacons import BeaconLayer
+from beacon_gateway.tree.entities import Tree
+from beacon_gateway.tree.host import Host
+from beacon_gateway.tree.incremental import IncrementalMerge
+from beacon_gateway.tree.linker import Linking, Unmanifested, link, runtime_tree
+from beacon_gateway.tree.manifest import Manifest
+from beacon_gateway.tree.merge import KINDS, Conflict, Layer, MergeResult
+from beacon_gateway.tree.policies import BEACONS, DEMOTED, HOST, MANIFEST, RUNTIME
+from beacon_gateway.tree.rollup import RollUp, RollUps, fault_of, roll_up
+from beacon_gateway.views import Beacon
+
+__all__ = ["MergeReport", "TreeKeeper", "TreeSettings"]
+
+_log = logging.getLogger(__name__)
+
+_MAX_NODES_LOGGED = 1_000
+
+_LEVELS = MappingProxyType({Unmanifested.WARN: logging.WARNING, Unmanifested.ERROR: logging.ERROR})
+
+
+@attrs.frozen
+class TreeSettings:
+    """How the tree is put together."""
+
+    host: Host
+    allow_new_entities: bool = True
+    strict_upstream_merge: bool = False
+    runtime_nodes: bool = False
+    """Nodes of the ROS graph become apps."""
+
+
+@attrs.frozen
+class MergeReport:
+    """How the tree came about."""
+
+    layers: tuple[str, ...]
+    total_entities: int
+    enriched_count: int
+    """Entities that more than one layer knows."""
+    conflicts: tuple[Conflict, ...]
+    id_collisions: int
+    """Ids that stand for entities of more than one kind."""
+    linking: Linking | None
+    """``None`` where no source knows the ROS graph."""
+
+    @property
+    def conflict_count(self) -> int:
+        return len(self.conflicts)
+
+
+class TreeKeeper:
+    """Thread rule: every method may be called from any thread."""
+
+    def __init__(
+        self,
+        manifest: Manifest,
+        stores: Sequence[HintStore],
+        graphs: Sequence[Callable[[], frozenset[str]]],
+        beacon: Callable[[str], Beacon | None],
+        settings: TreeSettings,
+    ) -> None:
+        """``graphs`` tell the nodes there are; ``beacon`` how all sources together have one."""
+        self._manifest = manifest
+        self._graphs = graphs
+        self._settings = settings
+        self._lock = threading.Lock()
+        strict = settings.strict_upstream_merge
+        self._merge = IncrementalMerge(strict_upstream=strict, finish=settings.host.placed)
+        self._beacons = BeaconLayer(
+            stores,
+            beacon,
+            listed=(*manifest.tree.apps, *manifest.tree.components),
+            allow_new_entities=settings.allow_new_entities,
+            with_dependencies=not strict,
+        )
+        self._nodes: frozenset[str] = frozenset()
+        self._linking = link(manifest.tree.apps.values(), (), manifest.unmanifested_nodes)
+        self._runtime = self._host = self._said = Tree()
+        self._known = self._all_known()
+        self._result = MergeResult(Tree())
+        self._rolled_up = RollUps((), self._depends_on, self._fault)
+        self._rolled_up_tree: Tree | None = None
+        self._rolled_up_revision = 0
+        self._logged: set[str] = set()
+        self._messages: list[tuple[int, str]] = []
+
+    def tree(self) -> Tree:
+        """As it is now. Without a change it is the same object, and that costs next to nothing."""
+        with self._up_to_date():
+            return self._result.tree
+
+    def never_heard(self, entity_id: str) -> bool:
+        """It is in the manifest, and no hint about it has come since the gateway began."""
+        with self._up_to_date():
+            return entity_id in self._beacons.never_heard
+
+    def roll_up(self, entity_id: str) -> RollUp:
+        """Is it active, with all that it needs?"""
+        with self._up_to_date():
+            return roll_up(entity_id, self._depends_on, self._fault)
+
+    def roll_ups(self) -> Mapping[str, RollUp]:
+        """The same for every entity of the tree. Without a change it is the same object."""
+        with self._up_to_date():
+            tree, revision = self._result.tree, self._beacons.revision
+            if self._rolled_up_tree is not tree or self._rolled_up_revision != revision:
+                ids = (*tree.components, *tree.apps, *tree.areas, *tree.functions)
+                self._rolled_up = RollUps(ids, self._depends_on, self._fault)
+                self._rolled_up_tree, self._rolled_up_revision = tree, revision
+            return self._rolled_up
+
+    def report(self) -> MergeReport:
+        """How the tree came about."""
+        with self._up_to_date():
+            result, linking = self._result, self._linking
+        kinds = [getattr(result.tree, kind).keys() for kind in KINDS]
+        total = sum(map(len, kinds))
+        return MergeReport(
+            layers=tuple(layer.name for layer in self._layers()),
+            total_entities=total,
+            enriched_count=result.enriched,
+            conflicts=result.conflicts,
+            id_collisions=total - len(set().union(*kinds)),
+            linking=linking if self._graphs else None,
+        )
+
+    @contextmanager
+    def _up_to_date(self) -> Iterator[None]:
+        with self._lock:
+            self._refresh()
+            messages, self._messages = self._messages, []
+            yield
+        for level, message in messages:
+            _log.log(level, "%s", message)
+
+    def _refresh(self) -> None:
+        nodes = frozenset().union(*(graph() for graph in self._graphs))
+        if nodes != self._nodes:
+            self._nodes = nodes
+            self._relink()
+        self._said = self._beacons.map(self._known)
+        self._messages += [
+            (logging.WARNING, f"{quoted(one)} is no known app or component: its hint is skipped")
+            for one in self._beacons.newly_skipped()
+        ]
+        before, self._result = self._result, self._merge.merge(self._layers())
+        if self._result.tree is before.tree:
+            return
+        # The host is shown while somebody is on it, and whether that is so shows only now.
+        shown = self._settings.host.tree(self._manifest.tree) if self._hosting() else Tree()
+        if shown != self._host:
+            self._host = shown
+            self._result = self._merge.merge(self._layers())
+
+    def _layers(self) -> tuple[Layer, ...]:
+        manifest = self._manifest
+        policies = MANIFEST if manifest.allow_manifest_override else DEMOTED
+        return (
+            Layer("manifest", manifest.tree, policies),
+            Layer("runtime", self._runtime, RUNTIME),
+            Layer("host", self._host, HOST),
+            Layer("beacon", self._said, BEACONS, unites_lists=True),
+        )
+
+    def _hosting(self) -> bool:
+        host, tree = self._settings.host.id, self._result.tree
+        return host in tree.components or any(
+            app.component_id == host for app in tree.apps.values()
+        )
+
+    def _relink(self) -> None:
+        manifest, settings = self._manifest, self._settings
+        self._linking = link(manifest.tree.apps.values(), self._nodes, manifest.unmanifested_nodes)
+        policy = self._linking.policy
+        show = policy is Unmanifested.INCLUDE_AS_ORPHAN or (
+            settings.runtime_nodes and policy is not Unmanifested.IGNORE
+        )
+        found = runtime_tree(self._linking, show_orphans=show).apps
+        old = self._runtime.apps
+        # What is equal stays the same object, so that it is not merged again.
+        self._runtime = Tree(
+            apps={app.id: old[app.id] if old.get(app.id) == app else app for app in found.values()}
+        )
+        self._known = self._all_known()
+        self._messages += self._on_orphans()
+
+    def _all_known(self) -> Tree:
+        """Whom a hint may be about: everybody but those who are there by their hints only."""
+        known, host = self._manifest.tree, self._settings.host
+        return Tree(
+            components={host.id: host.component(), **known.components},
+            apps={**self._runtime.apps, **known.apps},
+            functions=known.functions,
+        )
+
+    def _on_orphans(self) -> list[tuple[int, str]]:
+        policy = self._linking.policy
+        level = None if policy is None else _LEVELS.get(policy)
+        if level is None:
+            return []
+        fresh = [node for node in self._linking.orphans if node not in self._logged]
+        del fresh[_MAX_NODES_LOGGED - len(self._logged) :]
+        self._logged.update(fresh)
+        return [(level, f"{quoted(node)} is the node of no app of the manifest") for node in fresh]
+
+    def _depends_on(self, entity_id: str) -> Iterable[str]:
+        tree = self._result.tree
+        found: dict[str, None] = {}
+        for kind in (tree.components, tree.apps, tree.functions):
+            entity = kind.get(entity_id)
+            if entity is not None:
+                found |= dict.fromkeys(entity.depends_on)
+        beacon = self._beacons.last(entity_id)
+        return found if beacon is None else found | dict.fromkeys(beacon.stored.hint.depends_on)
+
+    def _fault(self, entity_id: str) -> str:
+        beacon = self._beacons.last(entity_id)
+        if beacon is None and self._there_without(entity_id):
+            return ""
+        known = self._result.tree.kind(entity_id) is not None
+        heard = entity_id not in self._beacons.never_heard
+        return fault_of(entity_id, beacon, known=known, heard=heard)
+
+    def _there_without(self, entity_id: str) -> bool:
+        """Areas and functions have no beacon; a node shows an app, and this answer the host."""
+        tree = self._result.tree
+        if entity_id in tree.apps:
+            return tree.apps[entity_id].is_online
+        if entity_id in tree.components:
+            return entity_id == self._settings.host.id
+        return entity_id in tree.areas or entity_id in tree.functions
