@@ -5,16 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from itertools import islice
 from typing import Any
 
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.parameter import parameter_value_to_python
 
-from beacon_core.parameters.fields import ENTITY_ID, MAX_PARAMETERS, PREFIX, is_ours, read
+from beacon_core.parameters.examination import Declared, declarations
+from beacon_core.parameters.fields import MAX_PARAMETERS, PREFIX, is_ours
 from beacon_core.ports.examination import Finding, Level
-from beacon_core.validator import is_valid_id
 from beacon_ros.examine import common_findings, listed, looking, node_findings, visible_nodes
 from beacon_ros.graph import node_names
 from beacon_ros.spinner import Spinner
@@ -30,9 +29,6 @@ _STOP_S = 1.0
 
 _MAX_ASKED = 500
 """Nodes of which parameters are asked. Two clients for each take 230 kB."""
-
-_SHOWN = 5
-"""Nodes with a fault of a kind that are told one by one."""
 
 
 def examine(options: RosParamOptions, seconds: float) -> Iterator[Finding]:
@@ -54,12 +50,7 @@ def examine(options: RosParamOptions, seconds: float) -> Iterator[Finding]:
         if askable:
             within_s = min(options.timeout_s, _ANSWER_S)
             answers = _ask(look.node, askable[:_MAX_ASKED], within_s)
-            yield from _silence(answers, within_s)
-            yield from _declarations(answers)
-
-
-_Declared = Mapping[str, object]
-"""A node's parameters that belong to a hint, with their values."""
+            yield from declarations(answers, within_s)
 
 
 def _nodes(node: Node, targets: tuple[str, ...]) -> Iterator[tuple[str, bool]]:
@@ -73,7 +64,7 @@ def _nodes(node: Node, targets: tuple[str, ...]) -> Iterator[tuple[str, bool]]:
             yield name, {f"{name}/list_parameters", f"{name}/get_parameters"} <= services
 
 
-def _ask(node: Node, names: list[str], within_s: float) -> dict[str, _Declared | None]:
+def _ask(node: Node, names: list[str], within_s: float) -> dict[str, Declared | None]:
     """What each declares; ``None``: it did not answer in time."""
     listers = {
         name: node.create_client(ListParameters, f"{name}/list_parameters") for name in names
@@ -88,7 +79,7 @@ def _ask(node: Node, names: list[str], within_s: float) -> dict[str, _Declared |
         values = _call(getters, wanted, within_s)
     finally:
         spinner.close(_STOP_S)
-    declared: dict[str, _Declared | None] = dict.fromkeys(names)
+    declared: dict[str, Declared | None] = dict.fromkeys(names)
     for name, some in ours.items():
         if not some:
             declared[name] = {}
@@ -117,51 +108,3 @@ def _call(
 
 def _ours(answer: Any) -> list[str]:
     return [name for name in answer.result.names if is_ours(name)][:MAX_PARAMETERS]
-
-
-def _silence(answers: Mapping[str, _Declared | None], within_s: float) -> Iterator[Finding]:
-    if silent := [name for name, declared in answers.items() if declared is None]:
-        what = f"no answer to list_parameters or get_parameters in {within_s:g} s: {listed(silent)}"
-        yield Finding(Level.PROBLEM, what, "they hang, are stopped, or are not spun")
-
-
-def _declarations(answers: Mapping[str, _Declared | None]) -> Iterator[Finding]:
-    speaking = {name: declared for name, declared in answers.items() if declared}
-    faults = {name: why for name, declared in speaking.items() if (why := _fault(declared))}
-    if well := speaking.keys() - faults.keys():
-        said = listed(f"{name} ({speaking[name][ENTITY_ID]})" for name in well)
-        yield Finding(Level.OK, f"{PREFIX}.* is declared by {said}")
-    for name, why in list(faults.items())[:_SHOWN]:
-        what = f"{name} declares {PREFIX}.*, but {why}"
-        yield Finding(Level.PROBLEM, what, f"declare {ENTITY_ID} with a text such as 'arm_driver'")
-    if len(faults) > _SHOWN:
-        yield Finding(Level.PROBLEM, f"so it is with {len(faults) - _SHOWN} more nodes")
-    yield from islice(_left_out(speaking), _SHOWN)
-    if not speaking and any(declared is not None for declared in answers.values()):
-        advice = f"declare {ENTITY_ID} in the node's code or in its params file"
-        yield Finding(Level.PROBLEM, f"no node declares {PREFIX}.*", advice)
-
-
-def _fault(declared: _Declared) -> str:
-    """Why this is no hint; ``""`` if it is one."""
-    if ENTITY_ID not in declared:
-        return "not entity_id among them"
-    value = declared[ENTITY_ID]
-    if not isinstance(value, str):
-        return f"entity_id is no text but {_kind(value)}"
-    if not value:
-        return "entity_id is empty"
-    return "" if is_valid_id(value) else "entity_id is no id: 1 to 256 of A-Z a-z 0-9 _ -"
-
-
-def _kind(value: object) -> str:
-    return "not set" if value is None else f"of type {type(value).__name__}"
-
-
-def _left_out(speaking: Mapping[str, _Declared]) -> Iterator[Finding]:
-    """What cannot be used besides."""
-    for name, declared in speaking.items():
-        skipped = [line for line in read(declared).skipped if ENTITY_ID not in line]
-        if skipped:
-            more = f" (and {len(skipped) - 1} more)" if len(skipped) > 1 else ""
-            yield Finding(Level.NOTE, f"of {name} is left out: {skipped[0]}{more}")

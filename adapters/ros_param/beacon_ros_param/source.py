@@ -14,6 +14,7 @@ from rclpy.qos import qos_profile_parameter_events
 
 from beacon_core.errors import ConfigError, UsageError
 from beacon_core.parameters.asker import Asker
+from beacon_core.parameters.complaints import complaints
 from beacon_core.ports.health import Condition, Health
 from beacon_core.ports.sink import HintSink
 from beacon_ros.graph import node_names
@@ -49,9 +50,6 @@ tells that a node was started again. Takes 4 ms for 200 nodes."""
 
 _LOOK_AT_MOST_EVERY_NS = 100 * _MS
 """However many events tell of nodes that nobody has seen."""
-
-_SHOWN = 3
-"""Nodes that health names for one reason; of the others it tells the number."""
 
 
 class RosParamSource:
@@ -133,17 +131,8 @@ class RosParamSource:
             return Health(Condition.STARTING, counters=counters)
         if self._ended:
             return Health(Condition.DOWN, f"{self._ended}; start the gateway again", counters)
-        complaints = [
-            *_complaint(asker.silent(), "does not answer", "do not answer"),
-            *_complaint(self._absent, "is not in the ROS graph", "are not in the ROS graph"),
-            *_complaint(
-                asker.namesakes,
-                "is the name of several nodes; rename them",
-                "are the names of several nodes each; rename them",
-            ),
-        ]
-        condition = Condition.DEGRADED if complaints else Condition.UP
-        return Health(condition, "; ".join(complaints), counters)
+        detail = complaints(asker.silent(), self._absent, asker.namesakes)
+        return Health(Condition.DEGRADED if detail else Condition.UP, detail, counters)
 
     def _new_node(self) -> Node:
         self._own = OwnNode("param_source", self._options.domain_id)
@@ -229,12 +218,3 @@ class RosParamSource:
     def _all_visible(self) -> list[str]:
         mine = self._node.get_fully_qualified_name()
         return [name for name in self._runs if name != mine and name.rpartition("/")[2][:1] != "_"]
-
-
-def _complaint(names: list[str] | tuple[str, ...], one: str, several: str) -> list[str]:
-    if not names:
-        return []
-    if len(names) == 1:
-        return [f"{names[0]} {one}"]
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    return [f"{', '.join(names[:_SHOWN])}{more} {several}"]

@@ -8,47 +8,36 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from beacon_core.errors import ConfigError
 from beacon_core.ports.adapter import Adapter
 from beacon_core.ports.announcer import Announcer
 from beacon_core.ports.examination import Finding
 from beacon_core.ports.source import HintSource
 from beacon_core.wire import cdr
+from beacon_zenoh.rmw.need import need_zenoh
 from beacon_zenoh.rmw.options import RmwOptions
 
 __all__ = ["ADAPTER", "RmwOptions"]
 
 
 def _source(options: RmwOptions) -> HintSource:
-    _need_zenoh()
+    need_zenoh("zenoh_rmw")
     from beacon_zenoh.rmw.source import RmwTopicSource  # noqa: PLC0415 - needs what may be missing
 
     return RmwTopicSource(options)
 
 
 def _announcer(options: RmwOptions, period_s: float | None) -> Announcer:
-    _need_zenoh()
+    need_zenoh("zenoh_rmw")
     from beacon_zenoh.rmw.announcer import RmwTopicAnnouncer  # noqa: PLC0415 - the same
 
     return RmwTopicAnnouncer(options, period_s)
 
 
 def _examine(options: RmwOptions, seconds: float) -> Iterable[Finding]:
-    _need_zenoh()
+    need_zenoh("zenoh_rmw")
     from beacon_zenoh.rmw.examine import examine  # noqa: PLC0415 - the same
 
     return examine(options, seconds)
-
-
-def _need_zenoh() -> None:
-    try:
-        import xxhash  # noqa: F401, PLC0415 - to see whether it is there
-        import zenoh  # noqa: F401, PLC0415 - the same
-    except ModuleNotFoundError as error:
-        raise ConfigError(
-            "adapter: 'zenoh_rmw' needs eclipse-zenoh and xxhash; "
-            "run: pip install 'beacon-core[zenoh]'"
-        ) from error
 
 
 ADAPTER = Adapter(

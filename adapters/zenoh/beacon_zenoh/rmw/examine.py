@@ -10,12 +10,12 @@ import zenoh
 
 from beacon_core.ports.examination import Finding, Level
 from beacon_core.wire.medkit import TYPE_HASH, TYPE_NAME
-from beacon_zenoh.rmw.options import RmwOptions
+from beacon_zenoh.rmw.options import RmwOptions, RmwSessionOptions
 from beacon_zenoh.rmw.session import rmw_session_config
 from beacon_zenoh.rmw.tokens import Kind, Member, every_token, member_of
 from beacon_zenoh.visit import ANSWER_S, LOOK_AGAIN_S, channel, listed, visit
 
-__all__ = ["examine"]
+__all__ = ["domain_findings", "examine", "members"]
 
 _OURS = "beacon_gateway_"
 """How the nodes of gateways are called: they are no robots."""
@@ -34,41 +34,17 @@ def examine(options: RmwOptions, seconds: float) -> Iterator[Finding]:
             session.close()  # type: ignore[no-untyped-call]
 
 
-def _look(session: zenoh.Session, options: RmwOptions, seconds: float) -> Iterator[Finding]:
-    """Who is there; until somebody publishes hints in one of our domains."""
-    deadline = time.monotonic() + seconds
-    while True:
-        members = _members(session)
-        speakers = [one for one in members if _speaks(one, options)]
-        if speakers or time.monotonic() > deadline:
-            break
-        time.sleep(LOOK_AGAIN_S)
-    nodes = [one for one in members if one.kind is Kind.NODE and not one.node.startswith(_OURS)]
-    yield from _domains(nodes, options)
-    if speakers:
-        yield from _speakers(speakers, options)
-    elif any(one.domain in options.ros_domain_ids for one in nodes):
-        what = f"no node publishes on {options.topic}"
-        advice = "start a beacon in one of them, or correct 'topic'"
-        yield Finding(Level.PROBLEM, what, advice)
-
-
-def _members(session: zenoh.Session) -> list[Member]:
+def members(session: zenoh.Session) -> list[Member]:
+    """All that is there, in any domain."""
     # Not with a callback: its thread would not end well if this program is interrupted.
     replies = session.liveliness().get(every_token(), channel(), timeout=ANSWER_S)
     found = [member_of(str(one.ok.key_expr)) for one in replies if one.ok is not None]
     return [member for member in found if member is not None]
 
 
-def _speaks(member: Member, options: RmwOptions) -> bool:
-    return (
-        member.kind is Kind.PUBLISHER
-        and member.domain in options.ros_domain_ids
-        and member.name == options.topic
-    )
-
-
-def _domains(nodes: list[Member], options: RmwOptions) -> Iterator[Finding]:
+def domain_findings(found: list[Member], options: RmwSessionOptions) -> Iterator[Finding]:
+    """In which domains there are nodes, and which of them are listened to."""
+    nodes = _nodes(found)
     counts = Counter(one.domain for one in nodes)
     # Somebody is there: then what else is missing may be meant so.
     level = Level.NOTE if counts.keys() & set(options.ros_domain_ids) else Level.PROBLEM
@@ -87,9 +63,35 @@ def _domains(nodes: list[Member], options: RmwOptions) -> Iterator[Finding]:
         wanted = ", ".join(map(str, (*options.ros_domain_ids, domain)))
         yield Finding(
             level,
-            f"in ROS domain {domain}, which is not listened to: {_nodes(counts[domain])}",
+            f"in ROS domain {domain}, which is not listened to: {_count(counts[domain])}",
             f"to hear them: ros_domain_ids: [{wanted}]",
         )
+
+
+def _look(session: zenoh.Session, options: RmwOptions, seconds: float) -> Iterator[Finding]:
+    """Who is there; until somebody publishes hints in one of our domains."""
+    deadline = time.monotonic() + seconds
+    while True:
+        found = members(session)
+        speakers = [one for one in found if _speaks(one, options)]
+        if speakers or time.monotonic() > deadline:
+            break
+        time.sleep(LOOK_AGAIN_S)
+    yield from domain_findings(found, options)
+    if speakers:
+        yield from _speakers(speakers, options)
+    elif any(one.domain in options.ros_domain_ids for one in _nodes(found)):
+        what = f"no node publishes on {options.topic}"
+        advice = "start a beacon in one of them, or correct 'topic'"
+        yield Finding(Level.PROBLEM, what, advice)
+
+
+def _speaks(member: Member, options: RmwOptions) -> bool:
+    return (
+        member.kind is Kind.PUBLISHER
+        and member.domain in options.ros_domain_ids
+        and member.name == options.topic
+    )
 
 
 def _speakers(speakers: list[Member], options: RmwOptions) -> Iterator[Finding]:
@@ -114,5 +116,9 @@ def _speakers(speakers: list[Member], options: RmwOptions) -> Iterator[Finding]:
             )
 
 
-def _nodes(count: int) -> str:
+def _nodes(found: list[Member]) -> list[Member]:
+    return [one for one in found if one.kind is Kind.NODE and not one.node.startswith(_OURS)]
+
+
+def _count(count: int) -> str:
     return "1 node" if count == 1 else f"{count} nodes"

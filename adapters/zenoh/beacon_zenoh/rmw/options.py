@@ -11,7 +11,7 @@ from beacon_zenoh.options import SessionOptions
 from beacon_zenoh.rmw.keys import MAX_DOMAIN
 from beacon_zenoh.rmw.names import is_name, is_namespace
 
-__all__ = ["DEFAULT_TOPIC", "RmwOptions"]
+__all__ = ["DEFAULT_TOPIC", "RmwOptions", "RmwSessionOptions"]
 
 DEFAULT_TOPIC = "/ros2_medkit/discovery"
 """Where ros2_medkit's gateways listen too."""
@@ -53,18 +53,17 @@ def _tuple(value: Any) -> Any:
 
 
 @attrs.frozen
-class RmwOptions(SessionOptions):
-    """``adapter: zenoh_rmw`` in a configuration, of a source or of an announcer.
+class RmwSessionOptions(SessionOptions):
+    """Where robots are that run rmw_zenoh, and which of them are meant; for topics and parameters.
 
-    Without a ``mode`` both are clients, of the router that rmw_zenoh's nodes have: ``rmw_zenohd``
-    listens at port 7447. ``ConfigError`` for a value that cannot be.
+    Without a ``mode`` sources and announcers are clients, of the router that rmw_zenoh's nodes
+    have: ``rmw_zenohd`` listens at port 7447. ``ConfigError`` for a value that cannot be.
     """
 
     ros_domain_ids: tuple[int, ...] = attrs.field(
         default=(0,), converter=_tuple, validator=_domains
     )
     """``ROS_DOMAIN_ID`` of those to be heard, or spoken to; several at once."""
-    topic: str = attrs.field(default=DEFAULT_TOPIC, validator=_topic)
     namespaces: tuple[str, ...] = attrs.field(default=(), converter=_tuple, validator=_namespaces)
     """Only nodes in these, or below them, are heard. Empty: all nodes. A node is known by its
     token, so then publishers without one are not heard."""
@@ -82,6 +81,13 @@ class RmwOptions(SessionOptions):
         """Are the nodes of this namespace to be heard?"""
         wanted = not self.namespaces or any(_within(namespace, one) for one in self.namespaces)
         return wanted and not any(_within(namespace, one) for one in self.except_namespaces)
+
+
+@attrs.frozen
+class RmwOptions(RmwSessionOptions):
+    """``adapter: zenoh_rmw`` in a configuration, of a source or of an announcer."""
+
+    topic: str = attrs.field(default=DEFAULT_TOPIC, validator=_topic)
 
 
 def _within(namespace: str, outer: str) -> bool:

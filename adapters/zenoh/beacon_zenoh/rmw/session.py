@@ -8,14 +8,14 @@ import attrs
 
 from beacon_core.wire.medkit import TYPE_HASH, TYPE_NAME
 from beacon_zenoh.config import SessionConfig, session_config
-from beacon_zenoh.rmw.options import RmwOptions
+from beacon_zenoh.rmw.options import RmwSessionOptions
 from beacon_zenoh.rmw.qos import Qos
 from beacon_zenoh.rmw.tokens import Kind, Member
 
 __all__ = ["hint_member", "node_member", "rmw_session_config"]
 
 
-def rmw_session_config(options: RmwOptions) -> SessionConfig:
+def rmw_session_config(options: RmwSessionOptions) -> SessionConfig:
     """Put together what the options say; ``ConfigError`` as
     :func:`beacon_zenoh.config.session_config`.
 

@@ -23,7 +23,8 @@ from beacon_zenoh.rmw.options import RmwOptions
 from beacon_zenoh.rmw.publishers import Heard, Publishers
 from beacon_zenoh.rmw.qos import Qos
 from beacon_zenoh.rmw.session import hint_member, node_member, rmw_session_config
-from beacon_zenoh.rmw.tokens import Kind, Member, every_token, gid_of, token_key
+from beacon_zenoh.rmw.tokens import Kind, Member, gid_of, token_key
+from beacon_zenoh.rmw.watch import Watch
 from beacon_zenoh.roster import Roster
 from beacon_zenoh.session import CLOSE_WITHIN_S, SessionKeeper
 
@@ -34,25 +35,11 @@ _log = logging.getLogger(__name__)
 _ANSWER_WITHIN_S = 2.0
 """How long a question stays open: a hung publisher costs no more than its slot until then."""
 
-_BACK_WITHIN_NS = 1_000_000_000
-"""On a new session the tokens of all who are there are reported again within ms."""
-
 _STEP_AT_LEAST_S = 0.025
 """What becomes due meanwhile is done at one go: a thousand tokens make one question."""
 
-_RENEW_AFTER = 2_000
-"""So many tokens that have gone, and as many as are there, and a client takes another session: for
-each key that it ever saw, those that follow take it longer. After 15,000, 3,000 new tokens took
-11 s instead of 0.1 s. A router does not have this."""
-
-_QUIET_NS = 1_000_000_000
-"""Another session is taken only when no token has come or gone for so long: one that begins in the
-middle of a departure may be told of tokens that have gone, and never that they have."""
-
 _SHOWN = 3
 """Publishers with something odd that health names; of the others it tells the number."""
-
-_PUT = zenoh.SampleKind.PUT
 
 
 class RmwTopicSource:
@@ -65,8 +52,6 @@ class RmwTopicSource:
 
     def __init__(self, options: RmwOptions) -> None:
         """Opens nothing. ``ConfigError`` for what Zenoh refuses."""
-        self.graph = Graph()
-        """All nodes of the domains. Kept up to date while the source is open."""
         self._options = options
         self._name = f"beacon_gateway_{secrets.token_hex(4)}"
         self._keeper = SessionKeeper(
@@ -75,6 +60,7 @@ class RmwTopicSource:
             step=self._step,
             farewell=lambda _: None,
         )
+        self._watch = Watch(options.ros_domain_ids, self, self._keeper)
         admits = (lambda member: options.admits(member.namespace)) if options.restricted else None
         self._publishers = Publishers(admits)
         self._known = self._publishers.heard.get
@@ -82,12 +68,6 @@ class RmwTopicSource:
         self._questions = Questions(time.monotonic_ns())
         self._awaited = self._roster.awaited
         self._gate = Gate()
-        # Held during each report of a token: what an old session still has to tell is not heard.
-        self._reporting = threading.Lock()
-        self._session_number = 0
-        self._reported_ns = 0
-        self._departed = 0  # tokens that have gone on this session
-        self._sweep_at_ns: int | None = None
         self._tokens: list[zenoh.LivelinessToken] = []  # they live as long as somebody holds them
         self._odd: dict[str, str] = {}  # what is to be complained of, by token
         self._counting = threading.Lock()
@@ -103,6 +83,11 @@ class RmwTopicSource:
             ),
             0,
         )
+
+    @property
+    def graph(self) -> Graph:
+        """All nodes of the domains. Kept up to date while the source is open."""
+        return self._watch.graph
 
     def start(self, sink: HintSink) -> None:
         self._gate.lead_to(sink)
@@ -139,22 +124,12 @@ class RmwTopicSource:
     # -- in the keeper's thread ------------------------------------------------------------------
 
     def _declare(self, session: zenoh.Session) -> None:
-        until_ns = time.monotonic_ns() + _BACK_WITHIN_NS
         self._tokens.clear()
-        self._departed = 0
-        with self._reporting:
-            self._session_number += 1
-            self._roster.all_vanished(until_ns)
-            self.graph.doubt()
-        on_token = partial(self._on_token, self._session_number)
-        self._sweep_at_ns = until_ns
         for number, domain in enumerate(self._options.ros_domain_ids):
             hints = every_hash(domain, self._options.topic, TYPE_NAME)
             session.declare_subscriber(hints, self._on_hint)
-            # With a callback: the default channel deadlocks on the 257th token. And never
-            # liveliness().get on this session: it leaves ghosts in it.
-            session.liveliness().declare_subscriber(every_token(domain), on_token, history=True)
             self._show_ourselves(session, domain, 2 * number)
+        self._watch.begin(session, self._roster.all_vanished)
 
     def _show_ourselves(self, session: zenoh.Session, domain: int, number: int) -> None:
         """So that ``ros2 topic info`` finds us, and those who publish only for somebody."""
@@ -165,14 +140,7 @@ class RmwTopicSource:
 
     def _step(self, session: zenoh.Session | None) -> float | None:
         now_ns = time.monotonic_ns()
-        if self._sweep_at_ns is not None and self._sweep_at_ns <= now_ns:
-            self._sweep_at_ns = None
-            for key, _ in self.graph.sweep():
-                self._odd.pop(key, None)
-        renew_at_ns = self._renew_at_ns()
-        if renew_at_ns is not None and renew_at_ns <= now_ns:
-            self._departed, renew_at_ns = 0, None
-            self._keeper.renew()
+        watch_again_ns = self._watch.step(now_ns)
         self._publishers.settle(now_ns)
         due = self._roster.due(now_ns)
         for token in due.lost:
@@ -186,17 +154,10 @@ class RmwTopicSource:
             self._roster.next_due_ns(),
             self._publishers.next_due_ns(),
             self._questions.next_due_ns(),
-            self._sweep_at_ns,
-            renew_at_ns,
+            watch_again_ns,
         )
         next_ns = min((one for one in times if one is not None), default=None)
         return None if next_ns is None else max(_STEP_AT_LEAST_S, (next_ns - now_ns) / 1e9)
-
-    def _renew_at_ns(self) -> int | None:
-        """When to take another session; ``None``: this one is good."""
-        worn = self._departed > max(_RENEW_AFTER, len(self.graph))
-        client = self._keeper.config.mode == "client"
-        return self._reported_ns + _QUIET_NS if worn and client else None
 
     def _keeps(self, name: str) -> bool:
         """Does the publisher with this token keep what it said?"""
@@ -237,38 +198,12 @@ class RmwTopicSource:
 
     # -- in callback threads of Zenoh's ----------------------------------------------------------
 
-    def _on_token(self, session_number: int, sample: zenoh.Sample) -> None:
-        key, came = str(sample.key_expr), sample.kind == _PUT
-        with self._reporting:
-            if session_number != self._session_number:
-                return
-            self._reported_ns = now_ns = time.monotonic_ns()
-            if came:
-                self._on_arrival(key, now_ns)
-            else:
-                self._on_departure(key, now_ns)
-        self._keeper.wake()
-
-    def _on_arrival(self, key: str, now_ns: int) -> None:
-        known = key in self.graph
-        member = self.graph.appeared(key)
-        if member is not None:
-            self._appeared(key, member, now_ns)
-        elif known and (gid := gid_of(key)) in self._publishers:
-            # Reported again, by another session: it has not gone with the last.
-            self._roster.appeared(Token(gid.hex()), now_ns)
-
-    def _on_departure(self, key: str, now_ns: int) -> None:
-        self._departed += 1
-        member = self.graph.vanished(key)
-        if member is not None:
-            self._vanished(key, member, now_ns)
-
-    def _appeared(self, key: str, member: Member, now_ns: int) -> None:
+    def came(self, key: str, member: Member, now_ns: int) -> None:
+        """As the watch wants it."""
         if member.kind is Kind.NODE:
             # Back before its publishers ever went.
             for one, having in self.graph.members_of(member.node_key).items():
-                self._appeared(one, having, now_ns)
+                self.came(one, having, now_ns)
         if member.kind is not Kind.PUBLISHER or member.name != self._options.topic:
             return
         if (complaint := _complaint(member)) and key not in self._odd:
@@ -279,10 +214,17 @@ class RmwTopicSource:
             self._publishers.listed(gid, member, now_ns)
             self._roster.appeared(Token(gid.hex()), now_ns)
 
-    def _vanished(self, key: str, member: Member, now_ns: int) -> None:
+    def came_again(self, key: str, now_ns: int) -> None:
+        """The same. Reported by another session: it has not gone with the last."""
+        gid = gid_of(key)
+        if gid in self._publishers:
+            self._roster.appeared(Token(gid.hex()), now_ns)
+
+    def went(self, key: str, member: Member, now_ns: int) -> None:
+        """The same."""
         if member.kind is Kind.NODE:
             for one, having in self.graph.members_of(member.node_key).items():
-                self._vanished(one, having, now_ns)
+                self.went(one, having, now_ns)
         elif member.kind is Kind.PUBLISHER:
             self._odd.pop(key, None)
             self._roster.vanished(Token(gid_of(key).hex()), now_ns)
