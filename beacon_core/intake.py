@@ -198,6 +198,11 @@ class Intake:
         """How many sources are told apart."""
         return len(self._sources)
 
+    def tokens(self) -> float:
+        """How many messages all sources together may send at once before some are dropped."""
+        with self._lock:
+            return self._gate.tokens(self._now_ns())
+
     def refusals(self) -> dict[Verdict, Refusal]:
         """What was turned away so far, by verdict, each with its latest: only what occurred.
 

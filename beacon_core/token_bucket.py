@@ -121,6 +121,11 @@ class FairGate:
         self._busy_until_ns = all_busy_ns + self._global_step_ns
         return None
 
+    def tokens(self, now_ns: int) -> float:
+        """How many messages all sources together may send at once."""
+        full_ns = self._global_burst_ns + self._global_step_ns
+        return max(0, full_ns - max(0, self._busy_until_ns - now_ns)) / self._global_step_ns
+
     def charge(self, source: Paced, tokens: int, now_ns: int) -> None:
         """Take tokens from a source for trouble caused; its bucket does not go below empty."""
         spent_ns = max(0, source.busy_until_ns - now_ns) + tokens * self._source_step_ns

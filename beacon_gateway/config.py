@@ -39,6 +39,7 @@ __all__ = [
     "FunctionEntry",
     "HttpConfig",
     "Loaded",
+    "LogFormat",
     "LogLevel",
     "Lookup",
     "SourceConfig",
@@ -69,6 +70,14 @@ class LogLevel(enum.StrEnum):
     INFO = "info"
     WARNING = "warning"
     ERROR = "error"
+
+
+class LogFormat(enum.StrEnum):
+    """How a log line is written."""
+
+    TEXT = "text"
+    JSON = "json"
+    """One object per line."""
 
 
 def _port(_: object, __: object, value: int) -> None:
@@ -104,6 +113,8 @@ class HttpConfig:
     host: str = "127.0.0.1"
     port: int = attrs.field(default=8080, validator=_port)
     max_streams: int = attrs.field(default=2000, metadata={"at_least": 1})
+    metrics_per_entity: bool = False
+    """``/metrics`` also has a series for each entity."""
 
 
 @attrs.frozen
@@ -230,6 +241,7 @@ class Config:
     """Empty: the gateway's own."""
     vendor_name: str = "beacon"
     log_level: LogLevel = LogLevel.INFO
+    log_format: LogFormat = LogFormat.TEXT
 
 
 @attrs.frozen

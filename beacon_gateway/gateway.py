@@ -26,6 +26,10 @@ _CLOSE_WITHIN_S = 2.0
 """Adapters promise one second; they close side by side."""
 
 
+_SWEEPER_LATE_S = 10.0
+"""A busy machine may hold a thread up for a second or two; ten are a defect."""
+
+
 class Gateway:
     """Embeds the core: one listener per configured source, and a sweeper for their stores.
 
@@ -61,6 +65,7 @@ class Gateway:
             read_manifest(config), self.listeners, departures, _tree_settings(config)
         )
         self._closing = threading.Event()
+        self._swept_s = 0.0
         self._sweeper = threading.Thread(target=self._sweep, name="beacon-sweeper", daemon=True)
 
     def start(self) -> None:
@@ -74,7 +79,20 @@ class Gateway:
         except BaseException:
             self.close()
             raise
+        self._swept_s = time.monotonic()
         self._sweeper.start()
+
+    @property
+    def running(self) -> bool:
+        """Every source has been started, and none is closed."""
+        return self._sweeper.ident is not None and not self._closing.is_set()
+
+    @property
+    def sweeping(self) -> bool:
+        """The sweeper is alive, and not late by more than ``10 s``."""
+        longest_s = min(listener.store.ttl_ns for listener in self.listeners) / 1e9
+        late_s = time.monotonic() - self._swept_s - longest_s
+        return self._sweeper.is_alive() and late_s < _SWEEPER_LATE_S
 
     def close(self) -> None:
         """Stop listening. Idempotent, within 2 s whatever an adapter does; what was heard stays
@@ -108,6 +126,7 @@ class Gateway:
                 return
             for store in stores:
                 store.sweep()
+            self._swept_s = time.monotonic()
 
 
 def _tree_settings(config: Config) -> TreeSettings:

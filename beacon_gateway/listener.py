@@ -44,6 +44,7 @@ class Listener:
         """
         self.name = name
         self.adapter = adapter.name
+        self.max_hints = config.max_hints
         self._allow_new_entities = allow_new_entities
         self._departures = departures
         try:

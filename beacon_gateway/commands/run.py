@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Returns the exit code, once stopped."""
     loaded = read_config(arguments.config)
     config = _overridden(loaded.config, arguments)
-    set_up_logging(config.log_level)
+    set_up_logging(config.log_level, config.log_format)
     for correction in loaded.corrections:
         _log.warning("%s", correction)
     with opened(config) as (server, gateway), on_stop_signal(server.stop):

@@ -18,6 +18,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from beacon_core.lifecycle import Status
+from beacon_gateway import metrics
 from beacon_gateway.directory import Found, Kind
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.http import bodies, errors
@@ -52,7 +53,8 @@ def create_app(gateway: Gateway) -> Starlette:
             Route(API_BASE + path + slash, handler)
             for path, handler in routes.items()
             for slash in ("", "/")
-        ],
+        ]
+        + metrics.routes(gateway),
         exception_handlers={
             errors.ApiError: _refuse,
             HTTPException: _unknown,

@@ -485,3 +485,10 @@ def test_what_was_refused_is_told_by_verdict_with_the_latest_of_each(road: Road)
 def test_a_late_word_is_no_refusal(road: Road) -> None:
     assert road.intake.goodbye("nobody", "r1").verdict is Verdict.UNKNOWN
     assert road.intake.refusals() == {}
+
+
+def test_what_all_sources_may_still_say_can_be_asked(make: Callable[..., Road]) -> None:
+    road = make(global_rate=50.0)
+    assert road.intake.tokens() == 50
+    road.offer(entity_id="a")
+    assert road.intake.tokens() == 49

@@ -242,3 +242,15 @@ def test_a_charge_costs_the_others_nothing() -> None:
     door, source = gate(10.0, 20.0), Source()
     door.charge(source, 100, NOW_NS)
     assert sum(door.admit(Source(), NOW_NS, True) is None for _ in range(30)) == 20
+
+
+def test_what_all_may_still_say_shrinks_with_each_message_and_comes_back() -> None:
+    door = gate(100.0, 100.0)
+    assert door.tokens(NOW_NS) == 100
+    passed(door, Source(), NOW_NS, 30)
+    assert door.tokens(NOW_NS) == 70
+    assert door.tokens(NOW_NS + S // 10) == 80
+    for _ in range(10):
+        passed(door, Source(), NOW_NS, 30)
+    assert door.tokens(NOW_NS) == 0
+    assert door.tokens(NOW_NS + 10 * S) == 100
