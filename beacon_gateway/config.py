@@ -23,7 +23,7 @@ from beacon_core.validator import is_valid_id
 from beacon_gateway.adapters import load_adapter
 from beacon_gateway.documents import read_yaml
 from beacon_gateway.ids import an_id, an_id_or_empty, ids
-from beacon_gateway.problems import DocumentError, Problem
+from beacon_gateway.problems import DocumentError, Problem, headed
 from beacon_gateway.structuring import Structurer
 from beacon_gateway.tree import entities as tree
 from beacon_gateway.tree.manifest import Manifest, load_manifest
@@ -288,17 +288,25 @@ def read_manifest(config: Config) -> Manifest:
     given = config.entities.tree()
     if not config.manifest:
         return Manifest(given)
-    written = load_manifest(Path(config.manifest), strict=config.strict_manifest)
+    path = Path(config.manifest)
+    try:
+        written = load_manifest(path, strict=config.strict_manifest)
+    except ConfigError as error:
+        raise headed(str(path), error) from error
     twice = _ids_of(given) & _ids_of(written.tree)
     if twice:
-        raise ConfigError(f"{', '.join(sorted(twice))}: in entities too; give each id once")
-    both = tree.Tree(
-        {**written.tree.areas, **given.areas},
-        {**written.tree.components, **given.components},
-        {**written.tree.apps, **given.apps},
-        {**written.tree.functions, **given.functions},
+        named = ", ".join(sorted(twice))
+        raise ConfigError(f"$.entities: {named}: in {path} too; give each id once")
+    return attrs.evolve(written, tree=_both(written.tree, given))
+
+
+def _both(one: tree.Tree, other: tree.Tree) -> tree.Tree:
+    return tree.Tree(
+        {**one.areas, **other.areas},
+        {**one.components, **other.components},
+        {**one.apps, **other.apps},
+        {**one.functions, **other.functions},
     )
-    return attrs.evolve(written, tree=both)
 
 
 def _ids_of(given: tree.Tree) -> set[str]:
@@ -306,24 +314,25 @@ def _ids_of(given: tree.Tree) -> set[str]:
 
 
 def _config(value: object, structurer: Structurer, folder: Path | None) -> Config:
-    given = structurer.mapping(value)
-    config = structurer.fields({"sources": DEFAULT_SOURCES, **given}, Config)
-    if config.manifest:
-        config = attrs.evolve(config, manifest=str((folder or Path()) / config.manifest))
+    given = dict(structurer.mapping(value))
+    path = given.get("manifest")
+    if isinstance(path, str) and path:
+        given["manifest"] = str((folder or Path()) / path)
         with structurer.at(".manifest"):
-            _check_manifest(config, structurer)
-    return config
+            strict = given.get("strict_manifest") is True
+            _check_manifest(Path(given["manifest"]), structurer, strict=strict)
+    return structurer.fields({"sources": DEFAULT_SOURCES, **given}, Config)
 
 
-def _check_manifest(config: Config, structurer: Structurer) -> None:
+def _check_manifest(path: Path, structurer: Structurer, *, strict: bool) -> None:
     try:
-        doubts = read_manifest(config).warnings
+        doubts = load_manifest(path, strict=strict).warnings
     except DocumentError as error:
         for problem in error.problems:
-            structurer.note(f"{config.manifest}: {problem}")
+            structurer.note(f"{path}: {problem}")
     else:
         for doubt in doubts:
-            structurer.correct(f"{config.manifest}: {doubt}")
+            structurer.correct(f"{path}: {doubt}")
 
 
 def _source(value: object, structurer: Structurer, lookup: Lookup) -> SourceConfig:

@@ -87,7 +87,7 @@ class TreeKeeper:
             allow_new_entities=settings.allow_new_entities,
             with_dependencies=not strict,
         )
-        self._nodes: frozenset[str] = frozenset()
+        self._nodes: list[frozenset[str]] = []
         self._linking = link(manifest.tree.apps.values(), (), manifest.unmanifested_nodes)
         self._runtime = self._host = self._said = Tree()
         self._known = self._all_known()
@@ -148,7 +148,7 @@ class TreeKeeper:
             _log.log(level, "%s", message)
 
     def _refresh(self) -> None:
-        nodes = frozenset().union(*(graph() for graph in self._graphs))
+        nodes = [graph() for graph in self._graphs]
         if nodes != self._nodes:
             self._nodes = nodes
             self._relink()
@@ -184,7 +184,8 @@ class TreeKeeper:
 
     def _relink(self) -> None:
         manifest, settings = self._manifest, self._settings
-        self._linking = link(manifest.tree.apps.values(), self._nodes, manifest.unmanifested_nodes)
+        nodes = frozenset[str]().union(*self._nodes)
+        self._linking = link(manifest.tree.apps.values(), nodes, manifest.unmanifested_nodes)
         policy = self._linking.policy
         show = policy is Unmanifested.INCLUDE_AS_ORPHAN or (
             settings.runtime_nodes and policy is not Unmanifested.IGNORE
