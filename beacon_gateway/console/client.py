@@ -9,6 +9,7 @@ import attrs
 import httpx
 
 from beacon_gateway.console.exits import Exit, Fault
+from beacon_gateway.tree.host import HOST
 
 __all__ = ["DEFAULT_URL", "Absent", "Answer", "GatewayClient", "Unreachable"]
 
@@ -84,14 +85,15 @@ class GatewayClient:
         return Answer(response.status_code, body)
 
     def entities(self) -> list[dict[str, Any]]:
-        """All apps and components, as the gateway lists them."""
+        """All apps and components, as the gateway lists them; but not its own place for apps that
+        nobody places, which is nobody to watch."""
         found: list[dict[str, Any]] = []
         for path in ("/apps", "/components"):
             answer = self.get(path)
             if not answer.ok:
                 raise Unreachable(f"{self.url} answered {answer.status} for {_API_BASE}{path}")
             found += answer.body.get("items", [])
-        return found
+        return [item for item in found if item.get("x-medkit", {}).get("source") != HOST]
 
     def beacon(self, entity_id: str) -> Answer:
         """The vendor endpoint's answer for an app, or for a component of that id."""

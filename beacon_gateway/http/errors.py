@@ -1,7 +1,8 @@
 """Error answers: the codes, texts and parameters that clients of ros2_medkit know.
 
-Two validators answer for an id in a path, and clients' tests tell them apart: the detail routes
-name the id in ``parameters``; the vendor endpoint has none and other texts.
+Three validators answer for an id in a path, and clients' tests tell them apart: most routes name
+the id in ``parameters``; lists of what belongs to an entity name its kind too; the vendor endpoints
+have no parameters, and other texts.
 """
 
 from __future__ import annotations
@@ -11,16 +12,22 @@ from collections.abc import Mapping
 import attrs
 
 from beacon_core.validator import is_valid_id
-from beacon_gateway.directory import Kind
+from beacon_gateway.tree.entities import Kind
 
 __all__ = [
     "ApiError",
     "beacon_not_found",
     "check_id",
+    "check_owner_id",
     "check_vendor_id",
     "entity_not_found",
     "internal_error",
+    "invalid_parameter",
+    "invalid_request",
+    "no_such_resource",
+    "owner_not_found",
     "resource_not_found",
+    "unavailable",
     "vendor_entity_missing",
     "wrong_type",
 ]
@@ -86,6 +93,22 @@ def wrong_type(entity_id: str, expected: Kind, actual: Kind) -> ApiError:
     )
 
 
+def check_owner_id(entity_id: str, kind: Kind) -> None:
+    """Raises ``ApiError`` for what can be no id, as lists of what belongs to an entity say it."""
+    if not is_valid_id(entity_id):
+        raise ApiError(
+            400,
+            "invalid-parameter",
+            f"Invalid {kind.value.lower()} ID",
+            {"details": _id_fault(entity_id), _id_key(kind): entity_id},
+        )
+
+
+def owner_not_found(entity_id: str, kind: Kind) -> ApiError:
+    """There is none of this kind, as lists of what belongs to an entity say it."""
+    return ApiError(404, "entity-not-found", f"{kind.value} not found", {_id_key(kind): entity_id})
+
+
 def check_vendor_id(entity_id: str) -> None:
     """Raises ``ApiError`` for what can be no id, as the vendor endpoint says it."""
     if not is_valid_id(entity_id):
@@ -106,6 +129,30 @@ def vendor_entity_missing(entity_id: str, expected: Kind, actual: Kind | None) -
 def beacon_not_found(parameters: Mapping[str, object] | None = None) -> ApiError:
     """The entity is there, its beacon is not (any more)."""
     return ApiError(404, "x-medkit-beacon-not-found", "No beacon data for entity", parameters or {})
+
+
+def invalid_parameter(message: str, **parameters: object) -> ApiError:
+    """Something that is given cannot be."""
+    return ApiError(400, "invalid-parameter", message, parameters)
+
+
+def invalid_request(message: str, **parameters: object) -> ApiError:
+    """The body of a request cannot be understood."""
+    return ApiError(400, "invalid-request", message, parameters)
+
+
+def no_such_resource(message: str, **parameters: object) -> ApiError:
+    """The entity is there, what is asked of it is not."""
+    return ApiError(404, "resource-not-found", message, parameters)
+
+
+def unavailable(message: str, **parameters: object) -> ApiError:
+    """As many as can be served are served already."""
+    return ApiError(503, "service-unavailable", message, parameters)
+
+
+def _id_key(kind: Kind) -> str:
+    return f"{kind.value.lower()}_id"
 
 
 def _id_fault(entity_id: str) -> str:

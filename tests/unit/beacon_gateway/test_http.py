@@ -21,6 +21,8 @@ KNOWN: dict[str, Any] = {
     "functions": [{"id": "drive"}],
 }
 
+NEVER_HEARD = {"expected": True, "never_heard": True}
+
 THE_14 = [
     "entity_id",
     "status",
@@ -132,7 +134,7 @@ def test_a_defect_is_a_500_with_a_body(plant: Plant, monkeypatch: pytest.MonkeyP
     def broken() -> None:
         raise LookupError("what went wrong")
 
-    monkeypatch.setattr(plant.gateway.directory, "apps", broken)
+    monkeypatch.setattr(plant.gateway.directory, "tree", broken)
     assert plant.refused("/apps") == (
         500,
         {
@@ -149,7 +151,7 @@ def test_a_defect_is_a_500_with_a_body(plant: Plant, monkeypatch: pytest.MonkeyP
 def test_a_collection_counts_its_items_and_falls_back_to_the_id_for_a_name(
     make_plant: PlantMaker,
 ) -> None:
-    plant = make_plant(entities=KNOWN)
+    plant = make_plant(entities=KNOWN, default_component={"id": "here", "name": "Here"})
     assert plant.ok("/components") == {
         "items": [
             {
@@ -157,22 +159,29 @@ def test_a_collection_counts_its_items_and_falls_back_to_the_id_for_a_name(
                 "name": "ECU",
                 "href": "/api/v1/components/ecu",
                 "type": "component",
-                "x-medkit": {"source": "manifest"},
+                "x-medkit": {"source": "manifest", **NEVER_HEARD},
             },
             {
                 "id": "bare",
                 "name": "bare",
                 "href": "/api/v1/components/bare",
                 "type": "component",
-                "x-medkit": {"source": "manifest"},
+                "x-medkit": {"source": "manifest", **NEVER_HEARD},
+            },
+            {
+                "id": "here",
+                "name": "Here",
+                "href": "/api/v1/components/here",
+                "type": "component",
+                "x-medkit": {"source": "host"},
             },
         ],
-        "x-medkit": {"total_count": 2},
+        "x-medkit": {"total_count": 3},
     }
     apps = plant.ok("/apps")
     assert [app["x-medkit"] for app in apps["items"]] == [
-        {"source": "manifest", "is_online": False, "component_id": "ecu"},
-        {"source": "manifest", "is_online": False},
+        {"source": "manifest", "is_online": False, "component_id": "ecu", **NEVER_HEARD},
+        {"source": "manifest", "is_online": False, "component_id": "here", **NEVER_HEARD},
     ]
 
 
@@ -240,22 +249,25 @@ def test_a_detail_has_every_address_clients_require(make_plant: PlantMaker) -> N
         common = "status data operations configurations faults logs bulk-data triggers"
         for key in (*common.split(), "cyclic-subscriptions", *required):
             assert body[key] == f"/api/v1{path}/{key}"
-        assert body["capabilities"] == [
-            {"name": "x-medkit-beacon", "href": f"/api/v1{path}/x-medkit-beacon"}
-        ]
+        assert body["capabilities"][-1] == {
+            "name": "x-medkit-beacon",
+            "href": f"/api/v1{path}/x-medkit-beacon",
+        }
+        for capability in body["capabilities"]:
+            assert capability["href"] == f"/api/v1{path}/{capability['name']}"
         assert body["_links"]["self"] == f"/api/v1{path}"
         assert body["_links"]["collection"] == f"/api/v1{path.rpartition('/')[0]}"
 
 
 def test_an_app_on_a_component_links_to_it(make_plant: PlantMaker) -> None:
-    plant = make_plant(entities=KNOWN)
+    plant = make_plant(entities=KNOWN, default_component={"id": "here"})
     planner, quiet = plant.ok("/apps/planner"), plant.ok("/apps/quiet")
     assert planner["is-located-on"] == "/api/v1/components/ecu"
     assert planner["_links"]["is-located-on"] == "/api/v1/components/ecu"
     assert planner["belongs-to"] == "/api/v1/apps/planner/belongs-to"
-    assert "is-located-on" not in quiet
-    assert "belongs-to" not in quiet
-    assert "name" in quiet
+    # Nobody places it, so it is where all such are: an app without a component is invisible.
+    assert quiet["is-located-on"] == "/api/v1/components/here"
+    assert quiet["belongs-to"] == "/api/v1/apps/quiet/belongs-to"
     assert quiet["name"] == "quiet"
 
 

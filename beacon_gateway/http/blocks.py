@@ -1,0 +1,152 @@
+"""The ``x-medkit`` blocks of entities, and what their beacons say, as they are now."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import attrs
+
+from beacon_core.lifecycle import Status
+from beacon_core.stored import StoredHint
+from beacon_gateway.gateway import Gateway
+from beacon_gateway.http.models.medkit import (
+    BeaconSummary,
+    XMedkitApp,
+    XMedkitArea,
+    XMedkitComponent,
+    XMedkitFunction,
+    XMedkitRos2,
+)
+from beacon_gateway.tree.entities import App, Area, Component, Function, Tree
+from beacon_gateway.tree.rollup import RollUp
+from beacon_gateway.views import Beacon
+
+__all__ = ["Blocks", "evidence", "process"]
+
+
+@attrs.frozen(slots=False)
+class Blocks:
+    """Makes the blocks of one answer, all at the same moment."""
+
+    gateway: Gateway
+    tree: Tree
+    many: bool = False
+    """Of many entities: what is worked out for all at once is cheaper then."""
+
+    def area(self, area: Area) -> XMedkitArea | None:
+        if not area.namespace and not area.parent_area_id:
+            return None
+        return XMedkitArea(
+            ros2=XMedkitRos2(namespace=area.namespace) if area.namespace else None,
+            parent_area_id=area.parent_area_id or None,
+        )
+
+    def component(self, component: Component) -> XMedkitComponent:
+        ros2 = XMedkitRos2(node=component.fqn or None, namespace=component.namespace or None)
+        return XMedkitComponent(
+            source=component.source,
+            ros2=ros2 if ros2 != XMedkitRos2() else None,
+            identity=dict(component.identity) or None,
+            external=component.external or None,
+            **self._life(component),
+        )
+
+    def app(self, app: App) -> XMedkitApp:
+        life = self._life(app)
+        beacon: BeaconSummary | None = life.get("beacon")
+        online = beacon is not None and beacon.status == Status.ACTIVE
+        return XMedkitApp(
+            source=app.source,
+            is_online=app.is_online or online,
+            component_id=app.component_id or None,
+            ros2=XMedkitRos2(node=app.bound_fqn) if app.bound_fqn else None,
+            external=app.external or None,
+            **life,
+        )
+
+    def function(self, function: Function) -> XMedkitFunction:
+        return XMedkitFunction(source=function.source)
+
+    def functions_of(self, entity_id: str) -> Sequence[str] | None:
+        """In which it takes part; ``None``: in none."""
+        return self._functions_of.get(entity_id)
+
+    def dependencies(self, entity: App | Component) -> dict[str, Any]:
+        """Whether all it depends on is active, and if not, the way to what is not."""
+        if not entity.depends_on:
+            return {}
+        needed = [self._roll_up(one) for one in entity.depends_on]
+        failing = [one for one in needed if not one.active]
+        if not failing:
+            return {"depends_on_active": True}
+        nearest = min(failing, key=lambda one: len(one.chain))
+        return {
+            "depends_on_active": False,
+            "depends_on_reason": nearest.reason,
+            "reason_chain": (entity.id, *nearest.chain),
+        }
+
+    def _roll_up(self, entity_id: str) -> RollUp:
+        found = self._roll_ups.get(entity_id) if self.many else None
+        return found or self.gateway.directory.roll_up(entity_id)
+
+    def _life(self, entity: App | Component) -> dict[str, Any]:
+        directory = self.gateway.directory
+        beacon = directory.beacon(entity.id)
+        life: dict[str, Any] = {
+            "functions": self.functions_of(entity.id),
+            **self.dependencies(entity),
+        }
+        if beacon is not None:
+            life["beacon"] = _summary(beacon, self._now_ns)
+        elif directory.never_heard(entity.id):
+            life |= {"expected": True, "never_heard": True}
+        return life
+
+    @cached_property
+    def _now_ns(self) -> int:
+        return self.gateway.clock.monotonic_ns()
+
+    @cached_property
+    def _roll_ups(self) -> Mapping[str, RollUp]:
+        return self.gateway.directory.roll_ups()
+
+    @cached_property
+    def _functions_of(self) -> Mapping[str, list[str]]:
+        members: dict[str, list[str]] = defaultdict(list)
+        for function in self.tree.functions.values():
+            for host in function.hosts:
+                members[host].append(function.id)
+        return dict(members)
+
+
+def evidence(stored: StoredHint) -> dict[str, Any]:
+    """Why it has the status it has."""
+    cause = {"cause": stored.cause.value}
+    return {**cause, "reason": stored.detail} if stored.detail else cause
+
+
+def process(stored: StoredHint) -> dict[str, Any]:
+    """Which process on which host speaks, as far as it says."""
+    hint = stored.hint
+    return {
+        "hostname": hint.hostname or None,
+        "process_id": hint.process_id or None,
+        "process_name": hint.process_name or None,
+    }
+
+
+def _summary(beacon: Beacon, now_ns: int) -> BeaconSummary:
+    stored = beacon.stored
+    return BeaconSummary(
+        source=beacon.freshest.source,
+        status=stored.status.value,
+        age_sec=stored.age_ns(now_ns) / 1e9,
+        restarts=stored.restarts,
+        conflict=beacon.conflict,
+        **evidence(stored),
+        **process(stored),
+    )

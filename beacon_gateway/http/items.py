@@ -1,0 +1,97 @@
+"""Lines of collections: one entity each, or a reference to one that is not there."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import attrs
+
+from beacon_gateway.http.blocks import Blocks
+from beacon_gateway.http.lookup import COLLECTIONS
+from beacon_gateway.http.models.discovery import (
+    AppListItem,
+    AreaListItem,
+    ComponentListItem,
+    EntityType,
+    FunctionListItem,
+)
+from beacon_gateway.http.models.medkit import XMedkitApp, XMedkitArea, XMedkitComponent
+from beacon_gateway.http.operations import Asked
+from beacon_gateway.tree.entities import App, Area, Component, Entity, Function
+
+__all__ = ["Items", "common"]
+
+
+@attrs.frozen
+class Items:
+    """Makes the lines of one answer, all at the same moment."""
+
+    base: str
+    blocks: Blocks
+
+    @classmethod
+    def of(cls, asked: Asked) -> Items:
+        return cls(asked.base, Blocks(asked.gateway, asked.tree, many=True))
+
+    def area(self, area: Area) -> AreaListItem:
+        return AreaListItem(x_medkit=self.blocks.area(area), **self._head(area))
+
+    def component(self, component: Component) -> ComponentListItem:
+        return ComponentListItem(x_medkit=self.blocks.component(component), **self._head(component))
+
+    def app(self, app: App) -> AppListItem:
+        return AppListItem(x_medkit=self.blocks.app(app), **self._head(app))
+
+    def function(self, function: Function) -> FunctionListItem:
+        return FunctionListItem(x_medkit=self.blocks.function(function), **self._head(function))
+
+    def app_or_component(self, entity_id: str, missing: type[App | Component]) -> object:
+        """Whatever the id stands for; if nothing, it is a missing ``missing``."""
+        tree = self.blocks.tree
+        if entity_id in tree.apps:
+            return self.app(tree.apps[entity_id])
+        if entity_id in tree.components:
+            return self.component(tree.components[entity_id])
+        return self.missing_app(entity_id) if missing is App else self.missing_component(entity_id)
+
+    def missing_area(self, area_id: str) -> AreaListItem:
+        """Somebody refers to it, and there is none."""
+        return AreaListItem(x_medkit=XMedkitArea(missing=True), **self._head(Area(area_id)))
+
+    def unknown_area(self, component_id: str) -> AreaListItem:
+        """The area of a component that somebody refers to and that is not there."""
+        return AreaListItem(
+            id="",
+            name="<unknown area>",
+            href="",
+            type=EntityType.AREA,
+            x_medkit=XMedkitArea(missing=True, unresolved_component=component_id),
+        )
+
+    def missing_component(self, component_id: str) -> ComponentListItem:
+        """Somebody refers to it, and there is none."""
+        return ComponentListItem(
+            x_medkit=XMedkitComponent(missing=True), **self._head(Component(component_id))
+        )
+
+    def missing_app(self, app_id: str) -> AppListItem:
+        """Somebody refers to it, and there is none."""
+        return AppListItem(x_medkit=XMedkitApp(missing=True), **self._head(App(app_id)))
+
+    def _head(self, entity: Entity) -> dict[str, Any]:
+        return {"href": self.href(entity), **common(entity)}
+
+    def href(self, entity: Entity) -> str:
+        """Where an entity is to be found."""
+        return f"{self.base}/{COLLECTIONS[type(entity)]}/{entity.id}"
+
+
+def common(entity: Entity) -> dict[str, Any]:
+    """What every line and every detail begins with."""
+    return {
+        "id": entity.id,
+        "name": entity.name or entity.id,
+        "type": EntityType(type(entity).__name__.lower()),
+        "description": entity.description or None,
+        "tags": entity.tags or None,
+    }

@@ -1,0 +1,1 @@
+"""The answers' bodies as values, one class for each schema of the OpenAPI document."""

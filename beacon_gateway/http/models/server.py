@@ -1,0 +1,189 @@
+"""The server about itself: overview, health, version; and an error."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Sequence
+
+import attrs
+
+from beacon_gateway.http.models.base import Open, optional_key
+
+__all__ = [
+    "GatewayHealth",
+    "GenericError",
+    "HealthDiscovery",
+    "HealthDiscoveryLinking",
+    "HealthStatus",
+    "HealthWarning",
+    "RootAuth",
+    "RootCapabilities",
+    "RootOverview",
+    "RootTls",
+    "SourceHealth",
+    "VersionInfo",
+    "VersionInfoEntry",
+    "VersionInfoVendor",
+    "WarningCode",
+    "XMedkitVersionInfo",
+]
+
+
+@attrs.frozen(kw_only=True)
+class GenericError:
+    """Any answer that is not the one asked for."""
+
+    error_code: str
+    message: str
+    vendor_code: str | None = None
+    parameters: Open | None = None
+
+
+@attrs.frozen(kw_only=True)
+class RootCapabilities:
+    """What the server can do; clients need every one of them said."""
+
+    discovery: bool
+    data_access: bool
+    operations: bool
+    async_actions: bool
+    configurations: bool
+    faults: bool
+    logs: bool
+    bulk_data: bool
+    cyclic_subscriptions: bool
+    locking: bool
+    triggers: bool
+    updates: bool
+    authentication: bool
+    tls: bool
+    scripts: bool
+    aggregation: bool
+    vendor_extensions: bool
+
+
+@attrs.frozen(kw_only=True)
+class RootAuth:
+    enabled: bool
+    algorithm: str
+    require_auth_for: str
+
+
+@attrs.frozen(kw_only=True)
+class RootTls:
+    enabled: bool
+    min_version: str
+
+
+@attrs.frozen(kw_only=True)
+class RootOverview:
+    """Who serves, what there is, and what it can do."""
+
+    name: str
+    version: str
+    api_base: str
+    endpoints: Sequence[str]
+    capabilities: RootCapabilities
+    auth: RootAuth | None = None
+    tls: RootTls | None = None
+
+
+@attrs.frozen(kw_only=True)
+class VersionInfoVendor:
+    version: str
+    name: str
+
+
+@attrs.frozen(kw_only=True)
+class VersionInfoEntry:
+    version: str
+    base_uri: str
+    vendor_info: VersionInfoVendor | None = None
+
+
+@attrs.frozen(kw_only=True)
+class XMedkitVersionInfo:
+    failed_peers: Sequence[str] | None = None
+    partial: bool | None = None
+
+
+@attrs.frozen(kw_only=True)
+class VersionInfo:
+    """Which version of the interface is spoken here, and by whom."""
+
+    items: Sequence[VersionInfoEntry]
+    x_medkit: XMedkitVersionInfo | None = optional_key("x-medkit")
+
+
+class WarningCode(enum.StrEnum):
+    LEAF_ID_COLLISION = "leaf_id_collision"
+    UNMANIFESTED_NODES = "unmanifested_nodes"
+
+
+@attrs.frozen(kw_only=True)
+class HealthWarning:
+    code: WarningCode
+    message: str
+    entity_ids: Sequence[str]
+    ros_node_fqns: Sequence[str]
+    peer_names: Sequence[str]
+
+
+@attrs.frozen(kw_only=True)
+class HealthDiscoveryLinking:
+    """How the nodes of the ROS graph were bound to the apps of the manifest."""
+
+    linked_count: int
+    orphan_count: int
+    binding_conflicts: int
+    unmanifested_policy: str
+    warnings: Sequence[str] | None = None
+
+
+@attrs.frozen(kw_only=True)
+class HealthDiscovery:
+    """How the tree was made."""
+
+    mode: str
+    strategy: str
+    pipeline: Open | None = None
+    linking: HealthDiscoveryLinking | None = None
+
+
+@attrs.frozen(kw_only=True)
+class SourceHealth:
+    """How one source is doing. Ours."""
+
+    name: str
+    adapter: str
+    condition: str
+    counters: Open
+    messages: Open
+    senders: int
+    hints: Open
+    detail: str | None = None
+
+
+@attrs.frozen(kw_only=True)
+class GatewayHealth:
+    """How the gateway is doing. Ours."""
+
+    uptime_sec: float
+    sources: Sequence[SourceHealth]
+
+
+@attrs.frozen(kw_only=True)
+class HealthStatus:
+    """How the gateway and each of its sources are doing."""
+
+    status: str
+    timestamp: int
+    """Nanoseconds since 1970."""
+    warning_schema_version: int
+    warnings: Sequence[HealthWarning]
+    discovery: HealthDiscovery | None = None
+    entity_cache: Open | None = optional_key("x-medkit-entity-cache")
+    data_provider: Open | None = optional_key("x-medkit-data-provider")
+    subscription_executor: Open | None = optional_key("x-medkit-subscription-executor")
+    peers: Sequence[Open] | None = None
+    beacon: GatewayHealth | None = optional_key("x-medkit-beacon")
