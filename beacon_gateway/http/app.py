@@ -10,7 +10,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import BaseRoute
 
-from beacon_gateway import metrics
+from beacon_gateway import live, metrics, page
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.http import (
     beacons,
@@ -37,6 +37,8 @@ _FAMILIES = (
     resources.routes,
     faults.routes,
     subscriptions.routes,
+    live.routes,
+    page.routes,
     server.routes,
 )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any
 
 from starlette.requests import Request
@@ -26,23 +27,26 @@ ENDPOINTS = [f"GET {API_BASE}/docs", f"GET {API_BASE}/{{entity-path}}/docs"]
 
 def routes(gateway: Gateway, operations: Sequence[Operation]) -> list[BaseRoute]:
     """One route for the document of all these operations and all its parts."""
-    whole = document(
-        operations,
-        title=gateway.config.server_name,
-        version=version_of(gateway),
-        url=API_BASE,
-    )
+
+    @cache
+    def whole() -> dict[str, Any]:
+        return document(
+            operations,
+            title=gateway.config.server_name,
+            version=version_of(gateway),
+            url=API_BASE,
+        )
 
     def serve(request: Request) -> Response:
-        path: str = request.path_params["path"] or ""
-        part = scoped(whole, path)
+        path: str = request.path_params["path"]
+        part = scoped(whole(), path)
         if part is None or not _is_there(gateway, path):
             raise errors.resource_not_found()
         url = f"{request.scope.get('root_path', '')}{API_BASE}"
         return answer({**part, "servers": [{"url": url}]})
 
-    made = Route(API_BASE + "/docs", serve, methods=["GET"], name="getDocs")
-    made.path_regex = re.compile(rf"{API_BASE}(?P<path>/.*)?/docs/?\Z")
+    made = Route(API_BASE + "{path:path}/docs", serve, methods=["GET"], name="getDocs")
+    made.path_regex = re.compile(rf"{API_BASE}(?P<path>(?:/.*)?)/docs/?\Z")
     return [made]
 
 

@@ -74,7 +74,7 @@ def _linking(linking: Linking) -> HealthDiscoveryLinking:
         linked_count=linking.linked_count,
         orphan_count=linking.orphan_count,
         binding_conflicts=linking.binding_conflicts,
-        unmanifested_policy=(linking.policy or Unmanifested.WARN).value,
+        unmanifested_policy=linking.policy or Unmanifested.WARN,
     )
 
 

@@ -119,7 +119,7 @@ class _Detail:
     triggers: str
     description: str | None = None
     tags: Sequence[str] | None = None
-    capabilities: Sequence[Open] | None = None
+    capabilities: object | None = None
     links: Open | None = optional_key("_links")
 
 

@@ -84,7 +84,7 @@ class XMedkitComponent(_Expected):
 
     area: str | None = None
     available: bool | None = None
-    capabilities: Sequence[Open] | None = None
+    capabilities: object | None = None
     contributors: Sequence[str] | None = None
     depends_on: Sequence[str] | None = attrs.field(default=None, metadata={"key": "dependsOn"})
     description: str | None = None

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Sequence
 
 import attrs
 
 from beacon_gateway.http.models.base import Open, opaque, optional_key
 from beacon_gateway.http.models.discovery import Listing
-from beacon_gateway.http.models.medkit import XMedkitRos2
+from beacon_gateway.http.models.medkit import DroppedItem, XMedkitRos2
 
 __all__ = [
+    "Aggregation",
     "BulkDataCategoryList",
     "ConfigListXMedkit",
     "ConfigXMedkitItem",
@@ -132,9 +134,9 @@ class ConfigListXMedkit:
     failed_nodes: Sequence[str] | None = None
     failed_peers: Sequence[str] | None = None
     is_aggregated: bool | None = None
-    parameters: Sequence[Open] | None = None
+    parameters: object | None = None
     partial: bool | None = None
-    peer_dropped_items: Sequence[Open] | None = None
+    peer_dropped_items: Sequence[DroppedItem] | None = None
     queried_nodes: Sequence[str] | None = None
     source: str | None = None
     source_ids: Sequence[str] | None = None
@@ -167,12 +169,20 @@ class LogEntry:
     context: LogContext | None = None
 
 
+class Aggregation(enum.StrEnum):
+    """What log entries are gathered for."""
+
+    FUNCTION = "function"
+    AREA = "area"
+    COMPONENT = "component"
+
+
 @attrs.frozen(kw_only=True)
 class LogListXMedkit:
     """Of a list of log entries."""
 
     aggregated: bool | None = None
-    aggregation_level: str | None = None
+    aggregation_level: Aggregation | None = None
     aggregation_sources: Sequence[str] | None = None
     app_count: int | None = None
     component_count: int | None = None
@@ -181,7 +191,7 @@ class LogListXMedkit:
     failed_peers: Sequence[str] | None = None
     host_count: int | None = None
     partial: bool | None = None
-    peer_dropped_items: Sequence[Open] | None = None
+    peer_dropped_items: Sequence[DroppedItem] | None = None
 
 
 @attrs.frozen(kw_only=True)

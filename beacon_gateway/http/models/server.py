@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import attrs
 
 from beacon_gateway.http.models.base import Open, optional_key
+from beacon_gateway.tree.linker import Unmanifested
 
 __all__ = [
     "GatewayHealth",
@@ -136,7 +137,7 @@ class HealthDiscoveryLinking:
     linked_count: int
     orphan_count: int
     binding_conflicts: int
-    unmanifested_policy: str
+    unmanifested_policy: Unmanifested
     warnings: Sequence[str] | None = None
 
 
@@ -185,5 +186,5 @@ class HealthStatus:
     entity_cache: Open | None = optional_key("x-medkit-entity-cache")
     data_provider: Open | None = optional_key("x-medkit-data-provider")
     subscription_executor: Open | None = optional_key("x-medkit-subscription-executor")
-    peers: Sequence[Open] | None = None
+    peers: object | None = None
     beacon: GatewayHealth | None = optional_key("x-medkit-beacon")

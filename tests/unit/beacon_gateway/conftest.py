@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import threading
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from typing import Any
+from urllib.parse import unquote
 
 import attrs
 import httpx
+import jsonschema
 import pytest
+from starlette.applications import Starlette
 
 from beacon_core.clock import ManualClock
 from beacon_core.hint import BeaconHint
@@ -24,6 +28,52 @@ from beacon_gateway.http import create_app
 from beacon_gateway.server import HttpServer
 
 
+class Contract:
+    """What the gateway's own OpenAPI document promises of every answer."""
+
+    def __init__(self, document: dict[str, Any]) -> None:
+        self._components = document["components"]
+        self._paths = [
+            (re.compile(re.sub(r"{[^/]+}", "[^/]+", path.rstrip("/")) + r"/?\Z"), operations)
+            for path, operations in document["paths"].items()
+        ]
+
+    def check(self, response: httpx.Response) -> None:
+        """Fails if this is none of the answers that are promised for its request."""
+        path = unquote(response.request.url.raw_path.decode().partition("?")[0])
+        if not path.startswith("/api/v1"):
+            return
+        promised = self._promised(path.removeprefix("/api/v1"), response.request.method)
+        if promised is None:
+            if response.status_code == httpx.codes.NOT_FOUND:
+                self.validate(response.json(), {"$ref": "#/components/schemas/GenericError"})
+            return
+        answer = promised[str(response.status_code)]
+        if "$ref" in answer:
+            answer = self._components["responses"][answer["$ref"].rpartition("/")[2]]
+        if "content" in answer:
+            schema = answer["content"][response.headers["content-type"]]["schema"]
+            self.validate(response.json(), schema)
+
+    def validate(self, body: object, schema: dict[str, Any]) -> None:
+        """Fails unless the body is as the schema says, and nothing in it is null."""
+        jsonschema.Draft202012Validator({**schema, "components": self._components}).validate(body)
+        assert not _has_null(body), body
+
+    def _promised(self, path: str, method: str) -> dict[str, Any] | None:
+        for template, operations in self._paths:
+            if template.match(path) and method.lower() in operations:
+                answers: dict[str, Any] = operations[method.lower()]["responses"]
+                return answers
+        return None
+
+
+def _has_null(body: object) -> bool:
+    if isinstance(body, dict):
+        return any(map(_has_null, body.values()))
+    return any(map(_has_null, body)) if isinstance(body, list) else body is None
+
+
 @attrs.define
 class Plant:
     """A gateway, the networks it listens on (one per source), and its HTTP interface."""
@@ -31,6 +81,8 @@ class Plant:
     clock: ManualClock
     gateway: Gateway
     networks: dict[str, FakeNetwork]
+    _app: Starlette | None = None
+    _contract: Contract | None = None
 
     def announcer(self, name: str = "robot", source: str = "robots") -> FakeAnnouncer:
         return FakeAnnouncer(self.networks[source], name)
@@ -53,13 +105,18 @@ class Plant:
         for network in self.networks.values():
             network.deliver_due()
 
-    def get(self, path: str, method: str = "GET") -> httpx.Response:
-        """One request through the whole application."""
+    def get(self, path: str, method: str = "GET", json: object = None) -> httpx.Response:
+        """One request through the whole application, whose answer keeps the contract."""
 
         async def ask() -> httpx.Response:
-            transport = httpx.ASGITransport(create_app(self.gateway), raise_app_exceptions=False)
+            self._app = self._app or create_app(self.gateway)
+            transport = httpx.ASGITransport(self._app, raise_app_exceptions=False)
             async with httpx.AsyncClient(transport=transport, base_url="http://gateway") as client:
-                return await client.request(method, path)
+                response = await client.request(method, path, json=json)
+                if self._contract is None:
+                    self._contract = Contract((await client.get("/api/v1/docs")).json())
+                self._contract.check(response)
+                return response
 
         return asyncio.run(ask())
 
