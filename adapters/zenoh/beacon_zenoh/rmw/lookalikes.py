@@ -23,7 +23,7 @@ from beacon_zenoh.rmw.options import DEFAULT_TOPIC
 from beacon_zenoh.rmw.qos import Qos
 from beacon_zenoh.rmw.tokens import Kind, Member, gid_of, token_key
 
-__all__ = ["KEEPS", "Ear", "Robot"]
+__all__ = ["KEEPS", "Ear", "Robot", "open_session"]
 
 KEEPS = Qos(durability=1, depth=5)
 """Reliable and transient local."""
@@ -41,7 +41,7 @@ class Robot:
         type_name: str = TYPE_NAME,
         type_hash: str = TYPE_HASH,
     ) -> None:
-        self.session = _open(endpoint)
+        self.session = open_session(endpoint)
         zid = str(self.session.zid())
         self.node = Member(Kind.NODE, domain, zid, 0, 0, "talker", "/fleet/r1")
         self.member = attrs.evolve(
@@ -124,7 +124,7 @@ class Ear:
         self.session.close()  # type: ignore[no-untyped-call]
 
 
-def _open(endpoint: str) -> zenoh.Session:
+def open_session(endpoint: str) -> zenoh.Session:
     """A session with rmw_zenoh's settings: a peer that has a router, and finds others by gossip.
 
     It waits 500 ms for its router, before which what it says is lost.

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import attrs
 import pytest
 import zenoh
 import zenoh.ext
@@ -420,3 +421,27 @@ def test_in_a_forked_child_closing_does_nothing(
     monkeypatch.setattr(source._keeper, "_pid", os.getpid() + 1)
     source.close()
     assert not source._gate.is_shut
+
+
+def test_a_publisher_that_is_there_by_its_token_alone_is_seen_through_on_another_session(
+    harness: RmwHarness, robots: Callable[..., Robot]
+) -> None:
+    robot = robots()
+    robot.say("engine")
+    listener = Listener(harness).start()
+    within(harness, lambda: listener.has("engine"), "engine is active")
+    source = listener.source
+    assert isinstance(source, RmwTopicSource)
+    ghost = node_member(0, "dead", 0, "ghost")
+    publisher = hint_member(ghost, Kind.PUBLISHER, 1, TOPIC, DEFAULT_QOS)
+    old = attrs.evolve(publisher, type_hash="RIHS01_0")
+    for member in (ghost, old):
+        source.graph.appeared(token_key(member))
+        source.came(token_key(member), member, time.monotonic_ns())
+    assert source.health().counters["publishers"] == 2
+    assert source.health().condition is Condition.DEGRADED
+    source._keeper.renew()
+    within(harness, lambda: source.health().counters["publishers"] == 1, "one publisher is left")
+    within(harness, lambda: source.health().condition is Condition.UP, "nothing is odd any more")
+    assert listener.has("engine")
+    assert not any(call.kind == "lost" for call in listener.tap.calls)
