@@ -20,6 +20,7 @@ from beacon_core.limits import MAX_HINTS
 from beacon_core.ports.adapter import Adapter
 from beacon_core.skew import SkewPolicy
 from beacon_core.validator import is_valid_id
+from beacon_gateway.access.options import AuthConfig, CorsConfig, RateLimitConfig, TlsConfig
 from beacon_gateway.adapters import load_adapter
 from beacon_gateway.documents import read_yaml
 from beacon_gateway.ids import an_id, an_id_or_empty, ids
@@ -115,6 +116,18 @@ class HttpConfig:
     max_streams: int = attrs.field(default=2000, metadata={"at_least": 1})
     metrics_per_entity: bool = False
     """``/metrics`` also has a series for each entity."""
+    allow_insecure: bool = False
+    """Serve on other than the loopback although TLS or authentication is missing."""
+    tls: TlsConfig | None = None
+    auth: AuthConfig | None = None
+    cors: CorsConfig = attrs.field(factory=CorsConfig)
+    rate_limit: RateLimitConfig = attrs.field(factory=RateLimitConfig)
+    max_body_bytes: int = attrs.field(default=65_536, metadata={"at_least": 1024})
+
+    def located(self, folder: Path) -> HttpConfig:
+        """The same with paths that begin in ``folder``."""
+        auth = self.auth and self.auth.located(folder)
+        return attrs.evolve(self, tls=self.tls and self.tls.located(folder), auth=auth)
 
 
 @attrs.frozen
@@ -321,7 +334,8 @@ def _config(value: object, structurer: Structurer, folder: Path | None) -> Confi
         with structurer.at(".manifest"):
             strict = given.get("strict_manifest") is True
             _check_manifest(Path(given["manifest"]), structurer, strict=strict)
-    return structurer.fields({"sources": DEFAULT_SOURCES, **given}, Config)
+    config = structurer.fields({"sources": DEFAULT_SOURCES, **given}, Config)
+    return attrs.evolve(config, http=config.http.located(folder or Path()))
 
 
 def _check_manifest(path: Path, structurer: Structurer, *, strict: bool) -> None:

@@ -6,11 +6,15 @@ from itertools import chain
 
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
+from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import BaseRoute
 
 from beacon_gateway import live, metrics, page
+from beacon_gateway.access import auth_routes
+from beacon_gateway.access.access import Access
+from beacon_gateway.access.middleware import AccessControl
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.http import (
     beacons,
@@ -43,14 +47,17 @@ _FAMILIES = (
 )
 
 
-def create_app(gateway: Gateway) -> Starlette:
+def create_app(gateway: Gateway, access: Access | None = None) -> Starlette:
     """The interface of one gateway, which the caller starts and closes.
 
     Serve it, or mount it in an application of your own, at the root or below any prefix. It needs
-    no lifespan events.
+    no lifespan events. ``access``: who may ask what, to be changed while it is served; by default
+    what the gateway's configuration says, which then stays.
     """
+    access = access or Access(gateway.config.http)
     app = Starlette(
-        routes=_routes(gateway),
+        routes=[*_routes(gateway), *auth_routes.routes(access)],
+        middleware=[Middleware(AccessControl, access)],
         exception_handlers={
             errors.ApiError: _refuse,
             HTTPException: _unknown,

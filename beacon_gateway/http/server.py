@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import attrs
 from starlette.routing import BaseRoute
 
 from beacon_gateway import __version__
@@ -11,8 +12,10 @@ from beacon_gateway.gateway import Gateway
 from beacon_gateway.http.health import health_of
 from beacon_gateway.http.models.server import (
     HealthStatus,
+    RootAuth,
     RootCapabilities,
     RootOverview,
+    RootTls,
     VersionInfo,
     VersionInfoEntry,
     VersionInfoVendor,
@@ -77,7 +80,9 @@ def overview_route(gateway: Gateway, endpoints: Sequence[str]) -> ApiRoute:
             version=version_of(gateway),
             api_base=asked.base,
             endpoints=[one.replace(API_BASE, asked.base, 1) for one in endpoints],
-            capabilities=_CAPABILITIES,
+            capabilities=_capabilities(gateway),
+            auth=_auth(gateway),
+            tls=_tls(gateway),
         )
 
     return route(gateway, operation, overview)
@@ -86,6 +91,24 @@ def overview_route(gateway: Gateway, endpoints: Sequence[str]) -> ApiRoute:
 def version_of(gateway: Gateway) -> str:
     """The configured version, or the gateway's own."""
     return gateway.config.server_version or __version__
+
+
+def _capabilities(gateway: Gateway) -> RootCapabilities:
+    http = gateway.config.http
+    on = {"authentication": http.auth is not None, "tls": http.tls is not None}
+    return attrs.evolve(_CAPABILITIES, **on)
+
+
+def _auth(gateway: Gateway) -> RootAuth | None:
+    auth = gateway.config.http.auth
+    if auth is None:
+        return None
+    return RootAuth(enabled=True, algorithm=auth.algorithm, require_auth_for=auth.require_auth_for)
+
+
+def _tls(gateway: Gateway) -> RootTls | None:
+    tls = gateway.config.http.tls
+    return None if tls is None else RootTls(enabled=True, min_version=tls.min_version)
 
 
 def _health(asked: Asked) -> HealthStatus:
