@@ -67,6 +67,14 @@ class Blocks:
             **life,
         )
 
+    def as_app(self, component: Component) -> XMedkitApp:
+        """Of a component where clients expect an app."""
+        return XMedkitApp(source=component.source, **self._life(component))
+
+    def as_component(self, app: App) -> XMedkitComponent:
+        """Of an app where clients expect a component."""
+        return XMedkitComponent(source=app.source, **self._life(app))
+
     def function(self, function: Function) -> XMedkitFunction:
         return XMedkitFunction(source=function.source)
 

@@ -45,14 +45,25 @@ class Items:
     def function(self, function: Function) -> FunctionListItem:
         return FunctionListItem(x_medkit=self.blocks.function(function), **self._head(function))
 
-    def app_or_component(self, entity_id: str, missing: type[App | Component]) -> object:
-        """Whatever the id stands for; if nothing, it is a missing ``missing``."""
+    def needed_by_app(self, entity_id: str) -> AppListItem:
+        """What an app depends on: an app; or a component, told of as an app is; or nobody."""
         tree = self.blocks.tree
         if entity_id in tree.apps:
             return self.app(tree.apps[entity_id])
+        if entity_id not in tree.components:
+            return AppListItem(x_medkit=XMedkitApp(missing=True), **self._head(App(entity_id)))
+        component = tree.components[entity_id]
+        return AppListItem(x_medkit=self.blocks.as_app(component), **self._head(component))
+
+    def needed_by_component(self, entity_id: str) -> ComponentListItem:
+        """What a component depends on: the same the other way round."""
+        tree = self.blocks.tree
         if entity_id in tree.components:
             return self.component(tree.components[entity_id])
-        return self.missing_app(entity_id) if missing is App else self.missing_component(entity_id)
+        if entity_id not in tree.apps:
+            return self.missing_component(entity_id)
+        app = tree.apps[entity_id]
+        return ComponentListItem(x_medkit=self.blocks.as_component(app), **self._head(app))
 
     def missing_area(self, area_id: str) -> AreaListItem:
         """Somebody refers to it, and there is none."""
@@ -73,10 +84,6 @@ class Items:
         return ComponentListItem(
             x_medkit=XMedkitComponent(missing=True), **self._head(Component(component_id))
         )
-
-    def missing_app(self, app_id: str) -> AppListItem:
-        """Somebody refers to it, and there is none."""
-        return AppListItem(x_medkit=XMedkitApp(missing=True), **self._head(App(app_id)))
 
     def _head(self, entity: Entity) -> dict[str, Any]:
         return {"href": self.href(entity), **common(entity)}

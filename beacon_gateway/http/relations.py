@@ -142,9 +142,7 @@ def _component_hosts(asked: Asked) -> AppList:
 def _component_dependencies(asked: Asked) -> ComponentList:
     component, items = owner(asked, Component), Items.of(asked)
     links = _links(asked, component, "depends-on", "component")
-    found: list[Any] = [
-        items.app_or_component(one, missing=Component) for one in component.depends_on
-    ]
+    found = [items.needed_by_component(one) for one in component.depends_on]
     return _components(found, links)
 
 
@@ -175,8 +173,7 @@ def _app_area(asked: Asked) -> AreaList:
 def _app_dependencies(asked: Asked) -> AppList:
     app, items = named(asked, App), Items.of(asked)
     links = _links(asked, app, "depends-on", "app")
-    found: list[Any] = [items.app_or_component(one, missing=App) for one in app.depends_on]
-    return _apps(found, links)
+    return _apps([items.needed_by_app(one) for one in app.depends_on], links)
 
 
 def _function_hosts(asked: Asked) -> AppList:
