@@ -309,7 +309,7 @@ def read_manifest(config: Config) -> Manifest:
     twice = _ids_of(given) & _ids_of(written.tree)
     if twice:
         named = ", ".join(sorted(twice))
-        raise ConfigError(f"$.entities: {named}: in {path} too; give each id once")
+        raise ConfigError(f"{named}: in {path} too; give each id once")
     return attrs.evolve(written, tree=_both(written.tree, given))
 
 
@@ -335,7 +335,14 @@ def _config(value: object, structurer: Structurer, folder: Path | None) -> Confi
             strict = given.get("strict_manifest") is True
             _check_manifest(Path(given["manifest"]), structurer, strict=strict)
     config = structurer.fields({"sources": DEFAULT_SOURCES, **given}, Config)
+    if config.manifest and not structurer.problems:
+        _check_ids(config, structurer)
     return attrs.evolve(config, http=config.http.located(folder or Path()))
+
+
+def _check_ids(config: Config, structurer: Structurer) -> None:
+    with structurer.at(".entities"):
+        read_manifest(config)
 
 
 def _check_manifest(path: Path, structurer: Structurer, *, strict: bool) -> None:

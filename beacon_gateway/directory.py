@@ -59,6 +59,10 @@ class Directory:
         """All entities as they are now. Without a change it is the same object as before."""
         return self._keeper.tree()
 
+    def listen(self) -> None:
+        """Take note of who has been heard; to be called more often than hints expire."""
+        self._keeper.listen()
+
     def never_heard(self, entity_id: str) -> bool:
         """It is known beforehand, and no hint about it has come since the gateway began."""
         return self._keeper.never_heard(entity_id)

@@ -126,6 +126,7 @@ class Gateway:
                 return
             for store in stores:
                 store.sweep()
+            self.directory.listen()
             self._swept_s = time.monotonic()
 
 

@@ -57,6 +57,7 @@ class BeaconLayer:
         self._tree = Tree()
         self._beacons: dict[str, Beacon] = {}
         self._doubtful: dict[str, None] = {}
+        self._changed: dict[str, None] = {}
         self._members = _Members()
         self._skipped: set[str] = set()
         self._newly_skipped: list[str] = []
@@ -72,15 +73,21 @@ class BeaconLayer:
         """An entity's beacon as it was mapped last."""
         return self._beacons.get(entity_id)
 
+    def listen(self) -> None:
+        """Take note of what has changed, and leave the work for later."""
+        for reader in self._readers:
+            changed = reader.changed()
+            self._changed |= changed
+            self._silent.difference_update(changed)
+
     def map(self, known: Tree) -> Tree:
         """What the hints say beside ``known``, which holds what all other layers know.
 
         The same object as last time if nothing has changed.
         """
-        touched = dict(self._doubtful)
-        for reader in self._readers:
-            touched |= reader.changed()
-        self._silent.difference_update(touched)
+        self.listen()
+        touched = self._doubtful | self._changed
+        self._changed = {}
         before, self._known = self._known, known
         if before is not known:
             touched |= self._moved(before, known)

@@ -103,6 +103,12 @@ class TreeKeeper:
         with self._up_to_date():
             return self._result.tree
 
+    def listen(self) -> None:
+        """Take note of who has been heard, before the stores forget it: more often than hints
+        expire. Everything else waits until somebody asks."""
+        with self._lock:
+            self._beacons.listen()
+
     def never_heard(self, entity_id: str) -> bool:
         """It is in the manifest, and no hint about it has come since the gateway began."""
         with self._up_to_date():
@@ -177,10 +183,9 @@ class TreeKeeper:
         )
 
     def _hosting(self) -> bool:
-        host, tree = self._settings.host.id, self._result.tree
-        return host in tree.components or any(
-            app.component_id == host for app in tree.apps.values()
-        )
+        host = self._settings.host.id
+        apps = self._result.tree.apps.values()
+        return host in self._said.components or any(app.component_id == host for app in apps)
 
     def _relink(self) -> None:
         manifest, settings = self._manifest, self._settings

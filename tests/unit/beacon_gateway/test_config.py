@@ -19,7 +19,10 @@ from beacon_gateway.config import (
     default_config,
     load_config,
     parse_config,
+    read_manifest,
 )
+from beacon_gateway.tree import entities as tree
+from beacon_gateway.tree.manifest import Manifest
 
 
 @attrs.frozen
@@ -236,3 +239,79 @@ def test_an_id_given_twice_is_refused() -> None:
 
 def test_the_document_must_be_keys_with_values() -> None:
     assert problems(["http"]) == ["$: found a list of 1; give keys with values"]
+
+
+def test_a_manifest_is_looked_for_beside_the_configuration(tmp_path: Path) -> None:
+    (tmp_path / "plant.yaml").write_text("manifest_version: '1.0'\napps: [{id: a, nme: A}]\n")
+    (tmp_path / "gateway.yaml").write_text("manifest: plant.yaml\nentities: {apps: [{id: b}]}\n")
+    loaded = load_config(tmp_path / "gateway.yaml", lookup)
+    assert loaded.config.manifest == str(tmp_path / "plant.yaml")
+    (correction,) = loaded.corrections
+    assert str(correction) == (
+        f"$.manifest: {tmp_path}/plant.yaml: $.apps[0].nme: unknown key; left out; "
+        "did you mean 'name'?"
+    )
+    assert set(read_manifest(loaded.config).tree.apps) == {"a", "b"}
+
+
+def test_what_is_wrong_with_the_manifest_is_told_with_what_is_wrong_here(tmp_path: Path) -> None:
+    path = tmp_path / "plant.yaml"
+    path.write_text("apps: [{id: a, is_located_on: ecu}]\n")
+    assert problems({"manifest": str(path), "log_level": "loud"})[:2] == [
+        f'$.manifest: {path}: $.manifest_version: R001: found nothing; give "1.0"',
+        f"$.manifest: {path}: $.apps[0].is_located_on: R007: component ecu is not in this manifest",
+    ]
+
+
+def test_a_manifest_that_is_not_there_is_one_sentence() -> None:
+    assert problems({"manifest": "/no/where.yaml"}) == [
+        "$.manifest: /no/where.yaml: No such file or directory"
+    ]
+
+
+def test_a_strict_manifest_has_no_doubts(tmp_path: Path) -> None:
+    path = tmp_path / "plant.yaml"
+    path.write_text("manifest_version: '1.0'\napps: [{id: a, depends_on: [b]}]\n")
+    (correction,) = parse_config({"manifest": str(path)}, lookup).corrections
+    assert correction.message.endswith("R008: b is not in this manifest")
+    (problem,) = problems({"manifest": str(path), "strict_manifest": True})
+    assert problem == f"$.manifest: {correction.message}"
+
+
+def test_an_id_is_given_in_the_manifest_or_in_entities_and_not_in_both(tmp_path: Path) -> None:
+    path = tmp_path / "plant.yaml"
+    path.write_text("manifest_version: '1.0'\nareas: [{id: a}]\n")
+    document = {"manifest": str(path), "entities": {"apps": [{"id": "a"}]}}
+    assert problems(document) == [f"$.entities: a: in {path} too; give each id once"]
+
+
+def test_a_manifest_that_was_spoilt_after_it_was_read_is_refused_with_its_name(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "plant.yaml"
+    path.write_text("manifest_version: '1.0'\n")
+    config = parse_config({"manifest": str(path)}, lookup).config
+    path.write_text("manifest_version: '2.0'\n")
+    with pytest.raises(ConfigError, match=r"plant\.yaml: 1 problem\n  \$\.manifest_version: R001"):
+        read_manifest(config)
+
+
+def test_entities_are_a_small_manifest() -> None:
+    entities = {
+        "areas": [{"id": "hall", "name": "Hall"}],
+        "components": [{"id": "ecu", "name": "ECU"}],
+        "apps": [{"id": "app", "component_id": "ecu", "ros_node": "/arm/app"}, {"id": "b"}],
+        "functions": [{"id": "drive", "hosts": ["app"]}],
+    }
+    manifest = read_manifest(parse_config({"entities": entities}, lookup).config)
+    assert manifest == Manifest(
+        tree.Tree(
+            {"hall": tree.Area("hall", "Hall")},
+            {"ecu": tree.Component("ecu", "ECU")},
+            {
+                "app": tree.App("app", component_id="ecu", ros_binding=tree.RosBinding("arm/app")),
+                "b": tree.App("b"),
+            },
+            {"drive": tree.Function("drive", hosts=("app",))},
+        )
+    )

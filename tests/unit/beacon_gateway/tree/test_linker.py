@@ -38,7 +38,7 @@ def app(app_id: str, name: str, namespace: str = "", *, external: bool | None = 
     ],
 )
 def test_a_node_is_known_by_its_whole_name_and_the_segments_of_its_namespace(
-    name: str, namespace: str, node: str, bound: bool
+    name: str, namespace: str, node: str, *, bound: bool
 ) -> None:
     assert binds(RosBinding(name, namespace), node) is bound
     assert link([app("a", name, namespace)], [node]).bound == ({"a": node} if bound else {})

@@ -306,6 +306,7 @@ def test_what_is_not_served_is_warned_of() -> None:
 
 
 def test_every_problem_is_told_at_once_and_a_bad_entry_is_blamed_only_once() -> None:
+    policies = "ignore, warn, error, include_as_orphan"
     assert problems(
         config={"unmanifested_nodes": "perhaps"},
         areas=[{"id": "a b", "subareas": [{"id": 3}]}, "hall"],
@@ -313,8 +314,7 @@ def test_every_problem_is_told_at_once_and_a_bad_entry_is_blamed_only_once() -> 
         apps=[{"id": "a", "is_located_on": "ecu", "ros_binding": {"namespace": "arm"}}],
         functions={"id": "f"},
     ) == [
-        "$.config.unmanifested_nodes: found the text 'perhaps'; give one of ignore, warn, error, "
-        "include_as_orphan",
+        f"$.config.unmanifested_nodes: found the text 'perhaps'; give one of {policies}",
         "$.areas[0].id: found 'a b'; give an id: 1 to 256 characters of A-Z a-z 0-9 _ -",
         "$.areas[0].subareas[0].id: found the number 3; give an id",
         "$.areas[1]: found the text 'hall'; give keys with values",
@@ -363,8 +363,7 @@ anything = st.recursive(
 )
 def test_any_document_gives_a_manifest_or_problems_with_places(document: object) -> None:
     try:
-        manifest = parse_manifest(document)
+        lines = [str(doubt) for doubt in parse_manifest(document).warnings]
     except ConfigError as error:
-        assert all(line.startswith("$") for line in str(error).split("\n"))
-    else:
-        assert isinstance(manifest, Manifest)
+        lines = str(error).split("\n")
+    assert all(line.startswith("$") for line in lines)

@@ -68,13 +68,16 @@ def function(*layers: Layer, strict: bool) -> Function:
 
 
 @BOTH_MODES
-def test_a_manifest_app_that_is_named_and_placed_is_not_changed_by_a_beacon(strict: bool) -> None:
+def test_a_manifest_app_that_is_named_and_placed_is_not_changed_by_a_beacon(
+    *, strict: bool
+) -> None:
     known = App("a", "Name", "ecu", tags=("t",), depends_on=("b",))
     assert app(manifest(known), beacon(App("a", "Other", "other")), strict=strict) == known
 
 
 @BOTH_MODES
 def test_an_empty_name_and_component_of_a_manifest_app_are_filled_by_the_beacon(
+    *,
     strict: bool,
 ) -> None:
     found = app(manifest(App("a")), beacon(App("a", "Name", "ecu")), strict=strict)
@@ -82,7 +85,7 @@ def test_an_empty_name_and_component_of_a_manifest_app_are_filled_by_the_beacon(
 
 
 @BOTH_MODES
-def test_a_beacon_renames_and_places_a_runtime_app_and_leaves_its_status(strict: bool) -> None:
+def test_a_beacon_renames_and_places_a_runtime_app_and_leaves_its_status(*, strict: bool) -> None:
     node = App("a", "node", "old", is_online=True, bound_fqn="/node", source="node")
     found = app(runtime(node), beacon(App("a", "Name", "ecu")), strict=strict)
     assert (found.name, found.component_id) == ("Name", "ecu")
@@ -91,6 +94,7 @@ def test_a_beacon_renames_and_places_a_runtime_app_and_leaves_its_status(strict:
 
 @BOTH_MODES
 def test_a_beacon_without_lists_wipes_those_of_a_runtime_app_only_in_strict_mode(
+    *,
     strict: bool,
 ) -> None:
     node = App("a", tags=("rt",), depends_on=("x",), source="node")
@@ -100,6 +104,7 @@ def test_a_beacon_without_lists_wipes_those_of_a_runtime_app_only_in_strict_mode
 
 @BOTH_MODES
 def test_the_hosts_of_a_runtime_function_are_replaced_in_strict_mode_and_joined_in_ours(
+    *,
     strict: bool,
 ) -> None:
     found = function(
@@ -112,6 +117,7 @@ def test_the_hosts_of_a_runtime_function_are_replaced_in_strict_mode_and_joined_
 
 @BOTH_MODES
 def test_the_hosts_of_a_manifest_function_are_extended_by_a_beacon_only_in_ours(
+    *,
     strict: bool,
 ) -> None:
     found = function(
@@ -121,14 +127,14 @@ def test_the_hosts_of_a_manifest_function_are_extended_by_a_beacon_only_in_ours(
 
 
 @BOTH_MODES
-def test_a_new_entity_is_a_beacons_app_that_is_not_online(strict: bool) -> None:
+def test_a_new_entity_is_a_beacons_app_that_is_not_online(*, strict: bool) -> None:
     found = app(manifest(), runtime(), beacon(App("a")), strict=strict)
     assert found == App("a", source="beacon")
     assert not found.is_online
 
 
 @BOTH_MODES
-def test_of_two_beacons_the_first_wins_scalars_and_lists_are_united(strict: bool) -> None:
+def test_of_two_beacons_the_first_wins_scalars_and_lists_are_united(*, strict: bool) -> None:
     first = beacon(App("a", "One", "ecu", ("x", "y")), name="topic")
     second = beacon(App("a", "Two", "other", ("y", "z")), name="param")
     found = app(first, second, strict=strict)
@@ -137,7 +143,7 @@ def test_of_two_beacons_the_first_wins_scalars_and_lists_are_united(strict: bool
 
 
 @BOTH_MODES
-def test_a_second_beacons_name_is_ignored_although_the_first_has_none(strict: bool) -> None:
+def test_a_second_beacons_name_is_ignored_although_the_first_has_none(*, strict: bool) -> None:
     """The group is the first beacon's by then, and the node's name is there."""
     found = app(
         runtime(App("a", "node", source="node")),
@@ -149,7 +155,7 @@ def test_a_second_beacons_name_is_ignored_although_the_first_has_none(strict: bo
 
 
 @BOTH_MODES
-def test_one_beacon_creates_and_the_next_one_fills_what_it_left_out(strict: bool) -> None:
+def test_one_beacon_creates_and_the_next_one_fills_what_it_left_out(*, strict: bool) -> None:
     found = app(
         beacon(App("a", "Topic"), name="topic"),
         beacon(App("a", "Param", "ecu"), name="param"),
@@ -159,7 +165,7 @@ def test_one_beacon_creates_and_the_next_one_fills_what_it_left_out(strict: bool
 
 
 @BOTH_MODES
-def test_the_first_who_knows_an_entity_stays_its_source(strict: bool) -> None:
+def test_the_first_who_knows_an_entity_stays_its_source(*, strict: bool) -> None:
     layers = (runtime(App("a", source="node")), beacon(App("a", "Name")))
     assert app(*layers, strict=strict).source == "node"
     layers = (manifest(App("a")), runtime(App("a", source="node")))
@@ -167,7 +173,7 @@ def test_the_first_who_knows_an_entity_stays_its_source(strict: bool) -> None:
 
 
 @BOTH_MODES
-def test_the_graph_says_who_is_online_and_bound(strict: bool) -> None:
+def test_the_graph_says_who_is_online_and_bound(*, strict: bool) -> None:
     bound = App("a", bound_fqn="/n", is_online=True, source="node")
     found = app(manifest(App("a", "Name")), runtime(bound), beacon(App("a")), strict=strict)
     assert (found.is_online, found.bound_fqn) == (True, "/n")
@@ -176,14 +182,14 @@ def test_the_graph_says_who_is_online_and_bound(strict: bool) -> None:
 
 
 @BOTH_MODES
-def test_equals_are_online_if_either_says_so(strict: bool) -> None:
+def test_equals_are_online_if_either_says_so(*, strict: bool) -> None:
     on, off = beacon(App("a", is_online=True)), beacon(App("a"), name="second")
     assert app(on, off, strict=strict).is_online
     assert app(off, on, strict=strict).is_online
 
 
 @BOTH_MODES
-def test_a_binding_is_set_by_who_wins_and_filled_only_among_equals(strict: bool) -> None:
+def test_a_binding_is_set_by_who_wins_and_filled_only_among_equals(*, strict: bool) -> None:
     binding = RosBinding("n")
     said = App("a", ros_binding=binding, bound_fqn="/n")
     # Metadata: manifest over runtime. Status: runtime over beacon.
@@ -194,7 +200,7 @@ def test_a_binding_is_set_by_who_wins_and_filled_only_among_equals(strict: bool)
 
 
 @BOTH_MODES
-def test_not_external_is_a_statement(strict: bool) -> None:
+def test_not_external_is_a_statement(*, strict: bool) -> None:
     inside, unsaid = App("a", external=False), App("a")
     assert app(manifest(unsaid), runtime(inside), strict=strict).external is False
     outside = App("a", external=True)
@@ -203,17 +209,21 @@ def test_not_external_is_a_statement(strict: bool) -> None:
 
 
 @BOTH_MODES
-def test_an_identity_is_merged_key_by_key(strict: bool) -> None:
+def test_an_identity_is_merged_key_by_key(*, strict: bool) -> None:
     one = Component("c", identity={"serial": "1", "maker": "Acme"})
     other = Component("c", identity={"serial": "2", "model": "X"})
-    (found,) = merge((manifest(one), runtime(other)), strict_upstream=strict).tree.components.values()
+    (found,) = merge(
+        (manifest(one), runtime(other)), strict_upstream=strict
+    ).tree.components.values()
     assert found.identity == {"serial": "1", "maker": "Acme", "model": "X"}
-    (found,) = merge((runtime(other), manifest(one)), strict_upstream=strict).tree.components.values()
+    (found,) = merge(
+        (runtime(other), manifest(one)), strict_upstream=strict
+    ).tree.components.values()
     assert found.identity == {"serial": "1", "maker": "Acme", "model": "X"}
 
 
 @BOTH_MODES
-def test_a_manifest_that_may_be_overridden_by_equals_is_only_filled(strict: bool) -> None:
+def test_a_manifest_that_may_be_overridden_by_equals_is_only_filled(*, strict: bool) -> None:
     weak = Layer("manifest", tree(App("a", "Name", tags=("m",))), DEMOTED)
     found = app(weak, runtime(App("a", "node", "ecu", tags=("r",))), strict=strict)
     assert (found.name, found.component_id, found.tags) == ("Name", "ecu", ("m", "r"))
@@ -221,7 +231,7 @@ def test_a_manifest_that_may_be_overridden_by_equals_is_only_filled(strict: bool
 
 
 @BOTH_MODES
-def test_two_last_words_are_a_conflict_which_the_first_wins(strict: bool) -> None:
+def test_two_last_words_are_a_conflict_which_the_first_wins(*, strict: bool) -> None:
     second = Layer("second", tree(App("a", "Other")), MANIFEST)
     result = merge((manifest(App("a", "Name")), second), strict_upstream=strict)
     assert result.tree.apps["a"].name == "Name"
@@ -307,9 +317,9 @@ KINDS = ("areas", "components", "apps", "functions")
 
 
 @settings(deadline=None)
-@given(stacks, modes, st.randoms(use_true_random=False))
+@given(stack=stacks, strict=modes, chance=st.randoms(use_true_random=False))
 def test_the_order_of_entities_changes_nothing(
-    stack: list[Layer], strict: bool, chance: random.Random
+    stack: list[Layer], *, strict: bool, chance: random.Random
 ) -> None:
     def shuffled(one: Tree) -> Tree:
         kinds = [list(getattr(one, kind).items()) for kind in KINDS]
@@ -325,9 +335,9 @@ def test_the_order_of_entities_changes_nothing(
 
 
 @settings(deadline=None)
-@given(stacks, modes, st.data())
+@given(stack=stacks, strict=modes, data=st.data())
 def test_a_layer_that_is_merged_twice_changes_nothing(
-    stack: list[Layer], strict: bool, data: st.DataObject
+    stack: list[Layer], *, strict: bool, data: st.DataObject
 ) -> None:
     index = data.draw(st.integers(0, max(0, len(stack) - 1)))
     again = [*stack[: index + 1], *stack[index : index + 1], *stack[index + 1 :]]
@@ -335,8 +345,8 @@ def test_a_layer_that_is_merged_twice_changes_nothing(
 
 
 @settings(deadline=None)
-@given(stacks, modes)
-def test_nobody_is_lost_and_nobody_is_invented(stack: list[Layer], strict: bool) -> None:
+@given(stack=stacks, strict=modes)
+def test_nobody_is_lost_and_nobody_is_invented(stack: list[Layer], *, strict: bool) -> None:
     result = merge(stack, strict_upstream=strict)
     for kind in KINDS:
         known = {one for layer in stack for one in getattr(layer.tree, kind)}
@@ -345,8 +355,8 @@ def test_nobody_is_lost_and_nobody_is_invented(stack: list[Layer], strict: bool)
 
 
 @settings(deadline=None)
-@given(stacks, modes)
-def test_every_value_was_said_by_somebody(stack: list[Layer], strict: bool) -> None:
+@given(stack=stacks, strict=modes)
+def test_every_value_was_said_by_somebody(stack: list[Layer], *, strict: bool) -> None:
     result = merge(stack, strict_upstream=strict)
     for kind in KINDS:
         for entity_id, merged in getattr(result.tree, kind).items():
@@ -385,8 +395,8 @@ def test_one_layer_alone_is_the_result(only: Tree) -> None:
 
 
 @settings(deadline=None)
-@given(stacks, modes)
-def test_merging_goes_entity_by_entity(stack: list[Layer], strict: bool) -> None:
+@given(stack=stacks, strict=modes)
+def test_merging_goes_entity_by_entity(stack: list[Layer], *, strict: bool) -> None:
     result = merge(stack, strict_upstream=strict)
     for entity_id, merged in result.tree.apps.items():
         said = [
@@ -396,9 +406,9 @@ def test_merging_goes_entity_by_entity(stack: list[Layer], strict: bool) -> None
 
 
 @settings(deadline=None)
-@given(st.lists(stacks, max_size=4), modes, st.data())
+@given(stories=st.lists(stacks, max_size=4), strict=modes, data=st.data())
 def test_merging_again_gives_the_same_as_merging_from_scratch(
-    stories: list[list[Layer]], strict: bool, data: st.DataObject
+    stories: list[list[Layer]], *, strict: bool, data: st.DataObject
 ) -> None:
     kept = IncrementalMerge(strict_upstream=strict)
     for stack in stories:

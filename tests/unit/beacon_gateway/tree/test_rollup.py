@@ -47,7 +47,7 @@ def beacon(status: Status, cause: Cause, detail: str = "") -> Beacon:
     ],
 )
 def test_what_is_wrong_is_one_sentence(
-    said: Beacon | None, known: bool, heard: bool, reason: str
+    said: Beacon | None, *, known: bool, heard: bool, reason: str
 ) -> None:
     assert fault_of("a", said, known=known, heard=heard) == reason
 
@@ -115,7 +115,9 @@ def test_ten_thousand_in_a_row_are_looked_at_once_each() -> None:
         looked.append(entity_id)
         return "it broke" if entity_id == "9999" else ""
 
-    found = RollUps(map(str, range(10_000)), lambda one: [str(int(one) + 1)][: one != "9999"], fault)
+    found = RollUps(
+        map(str, range(10_000)), lambda one: [str(int(one) + 1)][: one != "9999"], fault
+    )
     assert len(looked) == 10_000
     assert len(found["0"].chain) == 10_000
 
@@ -126,7 +128,7 @@ graphs = st.dictionaries(names, st.lists(names, max_size=4).map(tuple), max_size
 
 def oracle(graph: Graph, faulty: set[str], start: str) -> RollUp:
     """All ways that meet nobody twice, the shortest first, in the order in which they are named."""
-    ways = [(start,)]
+    ways: list[tuple[str, ...]] = [(start,)]
     while ways:
         for way in ways:
             if way[-1] in faulty or way[-1] not in graph:
