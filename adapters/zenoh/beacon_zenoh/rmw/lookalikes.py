@@ -124,7 +124,7 @@ class Ear:
         self.session.close()  # type: ignore[no-untyped-call]
 
 
-def open_session(endpoint: str) -> zenoh.Session:
+def open_session(endpoint: str, *, user: str = "", password: str = "") -> zenoh.Session:
     """A session with rmw_zenoh's settings: a peer that has a router, and finds others by gossip.
 
     It waits 500 ms for its router, before which what it says is lost.
@@ -132,6 +132,11 @@ def open_session(endpoint: str) -> zenoh.Session:
     scouting = {"gossip": {"enabled": True}, "delay": 500}
     settings = {"timestamping": {"enabled": True}, "scouting": scouting}
     options = ZenohOptions(
-        mode="peer", connect=(endpoint,), listen=("tcp/127.0.0.1:0",), config=settings
+        mode="peer",
+        connect=(endpoint,),
+        listen=("tcp/127.0.0.1:0",),
+        config=settings,
+        user=user,
+        password=password,
     )
     return zenoh.open(session_config(options, "peer").make())

@@ -37,6 +37,7 @@ class ParamRobot:
         namespace: str = "/fleet/r1",
         name: str = "talker",
         services: tuple[Service, ...] = SERVICES,
+        session: zenoh.Session | None = None,
     ) -> None:
         self.parameters: Mapping[str, Value] = parameters or {}
         self.said: dict[str, bytes] = {}
@@ -46,7 +47,7 @@ class ParamRobot:
         self.answers = threading.Event()
         """Cleared: it hangs."""
         self.answers.set()
-        self.session = open_session(endpoint)
+        self.session = session or open_session(endpoint)
         self.node = Member(Kind.NODE, domain, str(self.session.zid()), 0, 0, name, namespace)
         self._events = events_member(self.node, 1)
         self._sequence = 0
