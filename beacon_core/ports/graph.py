@@ -18,6 +18,6 @@ class Graph(Protocol):
         """The full names of all nodes, such as ``/arm/driver``, as far as discovery has come.
 
         Never raises; what cannot be known (yet, or any more) is not in it. A gateway asks at each
-        request, so it must be cheap, and may be half a second old. Without a change it is the same
-        object, or an equal one.
+        request, so it must be cheap, and may be some seconds old. Without a change it is the same
+        object.
         """

@@ -53,8 +53,9 @@ _LOOK_AT_MOST_EVERY_NS = 100 * _MS
 
 
 class RosParamSource:
-    """Implements :class:`beacon_core.ports.source.HintSource` and
-    :class:`beacon_core.ports.targeted.Targeted`; the thread rules are the ports'.
+    """Implements :class:`beacon_core.ports.source.HintSource`,
+    :class:`beacon_core.ports.targeted.Targeted` and :class:`beacon_core.ports.graph.Graph`; the
+    thread rules are the ports'.
 
     The sink's ``source`` is the node's full name. Without SROS2 any process may take any name.
     One thread of its own asks, and calls the sink; so a sink that is slow slows down the asking.
@@ -73,6 +74,7 @@ class RosParamSource:
         self._ended = ""
         self._done_telling = threading.Event()
         self._absent: tuple[str, ...] = ()
+        self._nodes: frozenset[str] = frozenset()
         self._events = 0
         self._own: OwnNode | None = None
         self._spinner: Spinner | None = None
@@ -121,6 +123,10 @@ class RosParamSource:
         """See the port; ``targets`` in the options come first."""
         self._targets, self._retargeted = nodes, True
         self._wake()
+
+    def nodes(self) -> frozenset[str]:
+        """See the port; at most a second old."""
+        return frozenset() if self._closed or self._ended else self._nodes
 
     def health(self) -> Health:
         asker = self._asker
@@ -205,7 +211,10 @@ class RosParamSource:
         interval_ns = round(self._options.interval_s * 1e9)
         self._glance_ns = now_ns + min(_GLANCE_EVERY_NS, interval_ns)
         self._retargeted = False
-        if node_names(self._node) != list(self._runs):
+        names = frozenset(node_names(self._node))
+        if names != self._nodes:
+            self._nodes = names
+        if names != self._runs.keys():
             self._looks = [now_ns + after_ns for after_ns in _LOOK_AFTER_NS]
         if now_ns >= self._looks[0]:
             self._looked_ns = now_ns

@@ -13,7 +13,7 @@ from beacon_core.errors import ConfigError, UsageError
 from beacon_core.ports.health import Condition, Health
 from beacon_core.ports.sink import HintSink
 from beacon_core.wire.medkit import GOODBYE, NO_STAMP, TYPE_HASH, TYPE_NAME, said_goodbye
-from beacon_ros.graph import Endpoint, publishers
+from beacon_ros.graph import Endpoint, node_names, publishers
 from beacon_ros.participant import OwnNode
 from beacon_ros.rawtype import message_type
 from beacon_ros.reader import Reader
@@ -37,7 +37,8 @@ _SHOWN = 3
 
 
 class RosTopicSource:
-    """Implements :class:`beacon_core.ports.source.HintSource`; the thread rule is the port's.
+    """Implements :class:`beacon_core.ports.source.HintSource` and
+    :class:`beacon_core.ports.graph.Graph`; the thread rules are the ports'.
 
     The sink's ``source`` is the GID of the publisher, in hexadecimal, and so is the incarnation: a
     publisher lives as long as the run of its process. The middleware fills in the GID, the number
@@ -60,11 +61,12 @@ class RosTopicSource:
         self._ended = ""
         self._starting = threading.Lock()
         self._pid = os.getpid()
-        # The rest belongs to the reader's thread; health reads what is replaced as a whole.
+        # The rest belongs to the reader's thread; others read what is replaced as a whole.
         self._roster = Roster()
         self._known = self._roster.publishers.get
         self._looks = Looks(time.monotonic())
         self._complaints: tuple[str, ...] = ()
+        self._nodes: frozenset[str] = frozenset()
         self._counters = dict.fromkeys(
             ("goodbyes", "lost", "incompatible", "matched", "sink-errors"), 0
         )
@@ -89,6 +91,10 @@ class RosTopicSource:
             self._closed = True
         if self._reader is not None:
             self._reader.close(_CLOSE_WITHIN_S)
+
+    def nodes(self) -> frozenset[str]:
+        """See the port; as old as the last look at the graph, mostly two seconds at most."""
+        return frozenset() if self._closed or self._ended else self._nodes
 
     def health(self) -> Health:
         counters = {
@@ -185,6 +191,9 @@ class RosTopicSource:
             self._own.close()
 
     def _look(self, now_s: float) -> None:
+        names = frozenset(node_names(self._node))
+        if names != self._nodes:
+            self._nodes = names
         listed = publishers(self._node, self._options.topic)
         for publisher in self._roster.gone((one.gid for one in listed), now_s):
             for entity_id in publisher.entities:

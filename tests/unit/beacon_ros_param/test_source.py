@@ -22,6 +22,7 @@ from rclpy.qos import qos_profile_parameter_events
 from beacon_core.clock import SystemClock
 from beacon_core.errors import ConfigError
 from beacon_core.intake import Intake
+from beacon_core.ports.graph import Graph
 from beacon_core.ports.health import Condition
 from beacon_core.store import HintStore
 from beacon_core.wire import json
@@ -103,6 +104,19 @@ def test_the_apps_nodes_come_before_the_graph_and_given_targets_before_those(
     wait_for(lambda: given.known() == {"_hidden", "brake"}, "the given ones are heard")
     assert not nobody.known()
     assert of_apps.known() == {"engine"}
+
+
+def test_it_tells_the_nodes_of_the_graph_until_it_is_closed(
+    listen: Listen, peers: Peers, wait_for: WaitFor
+) -> None:
+    source = listen(interval_s=60.0).source
+    assert isinstance(source, Graph)
+    node = peers.new("arm_driver")
+    wait_for(lambda: "/arm_driver" in source.nodes(), "a node that came is seen")
+    peers.remove(node)
+    wait_for(lambda: "/arm_driver" not in source.nodes(), "a node that went is seen")
+    source.close()
+    assert source.nodes() == frozenset()
 
 
 def test_whom_to_ask_may_change_at_any_time(

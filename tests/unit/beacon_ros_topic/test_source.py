@@ -25,6 +25,7 @@ from beacon_core.errors import ConfigError, UsageError
 from beacon_core.hint import BeaconHint
 from beacon_core.lifecycle import Status
 from beacon_core.outcome import Outcome, Verdict
+from beacon_core.ports.graph import Graph
 from beacon_core.ports.health import Condition
 from beacon_core.ports.source import HintSource
 from beacon_core.testing.harness import CLOSE_WITHIN_S, Listener, within
@@ -99,6 +100,23 @@ def met(
     eventually(publisher.get_subscription_count)
     eventually(lambda: source.health().counters["matched"] == among)
     return publisher
+
+
+def test_it_tells_the_nodes_of_the_graph_until_it_is_closed(
+    harness: RosTopicHarness, user: Node, stranger: OwnNode, eventually: Eventually
+) -> None:
+    source = RosTopicSource(harness.options())
+    assert isinstance(source, Graph)
+    assert source.nodes() == frozenset()
+    source.start(Sink())
+    try:
+        name = user.get_fully_qualified_name()
+        eventually(lambda: name in source.nodes())
+        user.destroy_node()
+        eventually(lambda: name not in source.nodes())
+    finally:
+        source.close()
+    assert source.nodes() == frozenset()
 
 
 class TestSenders:
