@@ -23,6 +23,7 @@ COMMANDS: Mapping[str, str] = {
     "watch": "show a running gateway's entities live",
     "get": "show one entity, or list all",
     "demo": "run a gateway with a small simulated fleet",
+    "token": "make an API token, or a client's secret",
     "check-config": "check a configuration and show what it means",
     "doctor": "explain an empty view: look at each source's carrier",
 }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import resource
 import socket
+import ssl
 from collections.abc import Callable
 from types import FrameType
 
@@ -12,6 +13,7 @@ import uvicorn
 from starlette.applications import Starlette
 
 from beacon_core.errors import BeaconError
+from beacon_gateway.guard import GuardedProtocol
 
 __all__ = ["BindError", "HttpServer", "allow_connections", "free_port"]
 
@@ -37,18 +39,30 @@ class HttpServer:
     signal handlers.
     """
 
-    def __init__(self, host: str, port: int) -> None:
-        """Takes the address. Port 0 means any free one. Raises :class:`BindError`."""
+    def __init__(self, host: str, port: int, tls: ssl.SSLContext | None = None) -> None:
+        """Takes the address. Port 0 means any free one. Raises :class:`BindError`.
+
+        ``tls``: see :func:`beacon_gateway.tls.server_context`; without, plain HTTP.
+        """
+        self.tls = tls
         self._socket = _bind(host, port)
         shown_host = f"[{host}]" if ":" in host else host
-        self.url = f"http://{shown_host}:{self._socket.getsockname()[1]}"
+        scheme = "http" if tls is None else "https"
+        self.url = f"{scheme}://{shown_host}:{self._socket.getsockname()[1]}"
         self._server: uvicorn.Server | None = None
         self._stopped = False
 
-    def serve(self, app: Starlette, *, at_stop: Callable[[], None] | None = None) -> None:
+    def serve(
+        self,
+        app: Starlette,
+        *,
+        at_stop: Callable[[], None] | None = None,
+        max_connections: int = 4096,
+    ) -> None:
         """Serve until :meth:`stop` (SIGINT and SIGTERM do that too, in the main thread).
 
         ``at_stop`` is called first of all then: it lets answers end that have no end of their own.
+        ``max_connections``: whoever comes beyond is answered 503.
         """
         config = uvicorn.Config(
             app,
@@ -56,8 +70,12 @@ class HttpServer:
             access_log=False,
             lifespan="off",
             ws="none",
+            http=GuardedProtocol,
+            limit_concurrency=max_connections,
             timeout_graceful_shutdown=_SHUTDOWN_S,
         )
+        config.load()
+        config.ssl = self.tls
         self._server = _Server(config, at_stop)
         self._server.should_exit = self._stopped
         self._server.run(sockets=[self._socket])

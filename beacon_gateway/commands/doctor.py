@@ -121,7 +121,8 @@ class _Gateway:
 
 def _configured_url(config: Config) -> str:
     host = _EVERYWHERE.get(config.http.host, config.http.host)
-    return f"http://{f'[{host}]' if ':' in host else host}:{config.http.port}"
+    scheme = "http" if config.http.tls is None else "https"
+    return f"{scheme}://{f'[{host}]' if ':' in host else host}:{config.http.port}"
 
 
 def _verdict(problems: list[Finding]) -> str:

@@ -11,6 +11,8 @@ from pathlib import Path
 import attrs
 
 from beacon_core.errors import BeaconError, ConfigError
+from beacon_gateway.access.access import Access
+from beacon_gateway.access.exposure import check_exposure
 from beacon_gateway.config import Config, Loaded, LogLevel, default_config, load_config
 from beacon_gateway.console.exits import Exit, Fault
 from beacon_gateway.console.flags import port
@@ -21,10 +23,14 @@ from beacon_gateway.gateway import Gateway
 from beacon_gateway.http import create_app
 from beacon_gateway.problems import headed
 from beacon_gateway.server import HttpServer, allow_connections
+from beacon_gateway.tls import server_context
 
 __all__ = ["opened", "parser", "read_config", "run"]
 
 _log = logging.getLogger(__name__)
+
+_OTHER_CONNECTIONS = 2048
+"""Beside the streams: clients keep theirs open for some seconds after each answer."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -36,6 +42,11 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("-c", "--config", type=Path, metavar="FILE", help="the YAML configuration")
     made.add_argument("--host", help="serve on this address instead of the configured one")
     made.add_argument("--port", type=port, help="serve on this port instead; 0 takes any free one")
+    made.add_argument(
+        "--allow-insecure",
+        action="store_true",
+        help="serve on other than the loopback although TLS or authentication is missing",
+    )
     made.add_argument("--log-level", choices=list(LogLevel), help="instead of the configured one")
     made.add_argument(
         "--json", action="store_true", help='once it serves, print {"url": ...} as one line'
@@ -50,12 +61,16 @@ def run(arguments: argparse.Namespace) -> int:
     set_up_logging(config.log_level, config.log_format)
     for correction in loaded.corrections:
         _log.warning("%s", correction)
+    access = Access(config.http)
     with opened(config) as (server, gateway), on_stop_signal(server.stop):
         _log.info("serving %s", server.url)
         if arguments.json:
             write_json({"url": server.url}, indent=None)
-        allow_connections(config.http.max_streams)
-        server.serve(create_app(gateway), at_stop=gateway.stopping.set)
+        connections = config.http.max_streams + _OTHER_CONNECTIONS
+        allow_connections(connections)
+        server.serve(
+            create_app(gateway, access), at_stop=gateway.stopping.set, max_connections=connections
+        )
     _log.info("stopped")
     return Exit.OK
 
@@ -64,11 +79,17 @@ def run(arguments: argparse.Namespace) -> int:
 def opened(config: Config) -> Iterator[tuple[HttpServer, Gateway]]:
     """A gateway that listens, and a server that has its address; closed in the end.
 
-    Raises ``Fault`` with one sentence if either cannot be had.
+    Raises ``Fault`` with one sentence if either cannot be had, and ``ConfigError`` for an address
+    that nobody has decided to open, or a certificate that is none.
     """
+    http = config.http
+    warning = check_exposure(http)
+    tls = None if http.tls is None else server_context(http.tls)
     try:
         # The address first: it is what most often cannot be had, and the cheapest to try.
-        with closing(HttpServer(config.http.host, config.http.port)) as server:
+        with closing(HttpServer(http.host, http.port, tls)) as server:
+            if warning:
+                _log.warning("%s", warning)
             gateway = Gateway(config)
             gateway.start()
             with closing(gateway):
@@ -90,7 +111,9 @@ def read_config(path: Path | None) -> Loaded:
 def _overridden(config: Config, arguments: argparse.Namespace) -> Config:
     given = {"host": arguments.host, "port": arguments.port}
     http = attrs.evolve(
-        config.http, **{name: value for name, value in given.items() if value is not None}
+        config.http,
+        **{name: value for name, value in given.items() if value is not None},
+        allow_insecure=config.http.allow_insecure or arguments.allow_insecure,
     )
     level = LogLevel(arguments.log_level or config.log_level)
     return attrs.evolve(config, http=http, log_level=level)

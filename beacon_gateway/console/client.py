@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any, Self
 from urllib.parse import quote
 
@@ -11,14 +12,19 @@ import httpx
 from beacon_gateway.console.exits import Exit, Fault
 from beacon_gateway.tree.host import HOST
 
-__all__ = ["DEFAULT_URL", "Absent", "Answer", "GatewayClient", "Unreachable"]
+__all__ = ["DEFAULT_URL", "TOKEN_VARIABLE", "Absent", "Answer", "GatewayClient", "Unreachable"]
 
 DEFAULT_URL = "http://127.0.0.1:8080"
 """Where ``beacon run`` listens unless told otherwise."""
 
 _API_BASE = "/api/v1"
 
+TOKEN_VARIABLE = "BEACON_TOKEN"  # noqa: S105 - its name
+"""The environment's variable with the token to show; an argument would be seen by everybody."""
+
 _TIMEOUT_S = 5.0
+
+_REFUSED = (401, 403)
 
 
 class Unreachable(Fault):
@@ -53,7 +59,11 @@ class GatewayClient:
         """``url`` as printed by ``beacon run``; the scheme and the API's path may be left out."""
         self.url = _base(url)
         try:
-            self._client = httpx.Client(base_url=self.url + _API_BASE, timeout=_TIMEOUT_S)
+            token = os.environ.get(TOKEN_VARIABLE, "")
+            headers = {"authorization": f"Bearer {token}"} if token else {}
+            self._client = httpx.Client(
+                base_url=self.url + _API_BASE, timeout=_TIMEOUT_S, headers=headers
+            )
         except (httpx.InvalidURL, ValueError) as error:
             raise Fault(f"--url {url}: not an address: {error}", Exit.USAGE) from error
 
@@ -76,6 +86,11 @@ class GatewayClient:
                 f"no gateway answers at {self.url}; "
                 "start one with 'beacon run', or name another with --url"
             ) from error
+        if response.status_code in _REFUSED:
+            raise Unreachable(
+                f"the gateway at {self.url} wants a token that may read (HTTP "
+                f"{response.status_code}); put it into the variable {TOKEN_VARIABLE}"
+            )
         try:
             body = response.json()
         except ValueError as error:

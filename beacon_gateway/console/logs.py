@@ -19,8 +19,9 @@ def set_up_logging(level: LogLevel, form: LogFormat = LogFormat.TEXT) -> None:
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(JsonLines() if form is LogFormat.JSON else logging.Formatter(_TEXT))
     logging.basicConfig(level=level.value.upper(), handlers=[handler], force=True)
-    # Its start and stop say nothing that ours do not.
-    logging.getLogger("uvicorn").setLevel(logging.WARNING)
+    # Its start and stop say nothing that ours do not, and its warnings are about what strangers
+    # send: nothing that may fill a log.
+    logging.getLogger("uvicorn").setLevel(logging.ERROR)
 
 
 class JsonLines(logging.Formatter):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
 from typing import TYPE_CHECKING
 
 import attrs
+import httpx
 import pytest
 
 from beacon_core.errors import ConfigError
@@ -14,6 +16,7 @@ from beacon_gateway.access.asked import Asked, Refusal
 from beacon_gateway.access.options import RateLimitConfig
 from beacon_gateway.access.rate_limit import RateLimiter
 from beacon_gateway.config import parse_config
+from beacon_gateway.http import create_app
 
 if TYPE_CHECKING:
     from tests.unit.beacon_gateway.conftest import PlantMaker
@@ -137,8 +140,15 @@ def test_an_override_that_is_none_is_refused(entry: str) -> None:
 
 
 def test_the_application_answers_429_in_the_form_of_all_errors(make_plant: PlantMaker) -> None:
-    plant = make_plant(http={"rate_limit": {"enabled": True, "client_rpm": 1}})
-    # One application for each request in this fixture, so a limit of its own for each.
-    answer = plant.get("/api/v1/apps")
-    assert answer.headers["x-ratelimit-limit"] == "1"
-    assert answer.headers["x-ratelimit-remaining"] == "0"
+    plant = make_plant(http={"rate_limit": {"enabled": True, "client_rpm": 2}})
+    transport = httpx.ASGITransport(create_app(plant.gateway))
+
+    async def ask() -> list[httpx.Response]:
+        async with httpx.AsyncClient(transport=transport, base_url="http://gateway") as client:
+            return [await client.get("/api/v1/apps") for _ in range(3)]
+
+    answers = asyncio.run(ask())
+    assert [one.headers["x-ratelimit-remaining"] for one in answers] == ["1", "0", "0"]
+    assert [one.status_code for one in answers] == [200, 200, 429]
+    assert answers[2].headers["retry-after"] == "30"
+    assert answers[2].json()["error_code"] == "rate-limit-exceeded"
