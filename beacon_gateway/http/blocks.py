@@ -37,12 +37,9 @@ class Blocks:
     """Of many entities: what is worked out for all at once is cheaper then."""
 
     def area(self, area: Area) -> XMedkitArea | None:
-        if not area.namespace and not area.parent_area_id:
+        if not area.namespace:
             return None
-        return XMedkitArea(
-            ros2=XMedkitRos2(namespace=area.namespace) if area.namespace else None,
-            parent_area_id=area.parent_area_id or None,
-        )
+        return XMedkitArea(ros2=XMedkitRos2(namespace=area.namespace))
 
     def component(self, component: Component) -> XMedkitComponent:
         ros2 = XMedkitRos2(node=component.fqn or None, namespace=component.namespace or None)

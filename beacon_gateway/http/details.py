@@ -17,6 +17,7 @@ from beacon_gateway.http.models.discovery import (
     ComponentDetail,
     FunctionDetail,
 )
+from beacon_gateway.http.models.medkit import XMedkitArea
 from beacon_gateway.http.operations import Asked
 from beacon_gateway.tree.entities import App, Area, Component, Entity, Function
 from beacon_gateway.vendor import BEACON
@@ -49,12 +50,15 @@ class Details:
         return cls(asked.base, Blocks(asked.gateway, asked.tree))
 
     def area(self, area: Area) -> AreaDetail:
+        block = attrs.evolve(
+            self.blocks.area(area) or XMedkitArea(), parent_area_id=area.parent_area_id or None
+        )
         parent = {"parent": self._at("areas", area.parent_area_id)} if area.parent_area_id else {}
         return AreaDetail(
             **self._head(area, AreaDetail),
             capabilities=self._capabilities(area),
             links=self._links(area, parent),
-            x_medkit=self.blocks.area(area),
+            x_medkit=block if block != XMedkitArea() else None,
         )
 
     def component(self, component: Component) -> ComponentDetail:
@@ -93,7 +97,7 @@ class Details:
             links["belongs-to"] = f"{href}/belongs-to"
         if app.depends_on:
             optional.append("depends-on")
-        depends = [self._at("apps", one) for one in app.depends_on]
+        depends = [self._needed(one) for one in app.depends_on]
         return AppDetail(
             **self._head(app, AppDetail),
             translation_id=app.translation_id or None,
@@ -118,6 +122,12 @@ class Details:
                 description=function.description or None,
             ),
         )
+
+    def _needed(self, entity_id: str) -> str:
+        """Where what an app depends on is to be found: an app, unless it is a component."""
+        tree = self.blocks.tree
+        is_component = entity_id in tree.components and entity_id not in tree.apps
+        return self._at("components" if is_component else "apps", entity_id)
 
     def _head(self, entity: Entity, cls: type[_Detail]) -> dict[str, Any]:
         """What needs no thought: who it is, and an address for each key that must have one."""
