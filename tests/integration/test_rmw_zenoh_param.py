@@ -200,7 +200,8 @@ def test_a_robot_that_is_heard_in_three_ways_is_one_entity_with_three_sources(
     config.write_text(yaml.safe_dump({"sources": sources, "http": {"port": 0}}))
     command = [sys.executable, "-m", "beacon_gateway", "run", "-c", str(config), "--json"]
     gateway = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    request.addfinalizer(lambda: (gateway.kill(), gateway.communicate()))
+    request.addfinalizer(gateway.communicate)
+    request.addfinalizer(gateway.kill)
     assert gateway.stdout is not None
     url = yaml.safe_load(gateway.stdout.readline())["url"]
     hint = BeaconHint("engine", hostname="robot-1", process_id=42, process_name="engine")
