@@ -111,8 +111,9 @@ class TreeKeeper:
 
     def never_heard(self, entity_id: str) -> bool:
         """It is in the manifest, and no hint about it has come since the gateway began."""
-        with self._up_to_date():
-            return entity_id in self._beacons.never_heard
+        if entity_id in self._beacons.never_heard:
+            self.listen()
+        return entity_id in self._beacons.never_heard
 
     def roll_up(self, entity_id: str) -> RollUp:
         """Is it active, with all that it needs?"""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import inspect
 import json
 import re
 from pathlib import Path
@@ -17,6 +18,15 @@ from beacon_core.errors import ConfigError
 from beacon_fake import FakeOptions
 from beacon_gateway import cli, config, vendor
 from beacon_gateway.console.exits import EXIT_CODES
+from beacon_gateway.tree import manifest, rules
+from beacon_gateway.tree.entries import (
+    AppEntry,
+    AreaEntry,
+    BindingEntry,
+    ComponentEntry,
+    FunctionEntry,
+    PolicyEntry,
+)
 from beacon_ros_param import RosParamOptions
 from beacon_ros_topic import RosTopicOptions
 from beacon_zenoh import ZenohOptions
@@ -28,6 +38,7 @@ if TYPE_CHECKING:
 
 DOCS = Path(__file__).parents[3] / "docs"
 CONFIGURATION = (DOCS / "configuration.md").read_text()
+ENTITY_TREE = (DOCS / "entity-tree.md").read_text()
 HTTP_API = (DOCS / "http-api.md").read_text()
 COMMAND_LINE = (DOCS / "command-line.md").read_text()
 
@@ -47,6 +58,7 @@ def blocks(document: str, language: str) -> list[str]:
         config.ComponentEntry,
         config.AppEntry,
         config.FunctionEntry,
+        config.DefaultComponent,
         ZenohOptions,
         TlsOptions,
         FakeOptions,
@@ -79,6 +91,20 @@ def test_the_example_with_all_keys_has_all_keys_and_says_the_defaults() -> None:
     assert (
         attrs.evolve(loaded.config, sources=default.sources, entities=default.entities) == default
     )
+
+
+@pytest.mark.parametrize(
+    "entry", [PolicyEntry, AreaEntry, ComponentEntry, AppEntry, BindingEntry, FunctionEntry]
+)
+def test_every_key_of_a_manifest_is_documented(entry: type[attrs.AttrsInstance]) -> None:
+    missing = [field.name for field in attrs.fields(entry) if f"`{field.name}`" not in ENTITY_TREE]
+    assert missing == []
+
+
+def test_every_code_of_a_manifests_problems_is_documented() -> None:
+    codes = set(re.findall(r"R0\d\d", inspect.getsource(rules) + inspect.getsource(manifest)))
+    assert {code for code in codes if code not in ENTITY_TREE} == set()
+    assert len(codes) == 12
 
 
 @pytest.mark.parametrize("example", blocks(CONFIGURATION, "yaml")[1:])
