@@ -11,17 +11,16 @@ from __future__ import annotations
 import itertools
 import os
 import threading
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import attrs
 from rclpy.context import Context
 from rclpy.node import Node
 
 from beacon_core.errors import ConfigError, UsageError
+from beacon_ros.ending import deafen
 from beacon_ros.environment import MAX_DOMAIN
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 __all__ = ["NO_FORK", "OwnNode"]
 
@@ -55,7 +54,8 @@ class OwnNode:
                 start_parameter_services=parameter_services,
             )
         except Exception as error:  # RCLError, which is not a public name
-            _release(self._shared)
+            with _released(self._shared):
+                pass
             raise _refused(error) from error
         self._lock = threading.Lock()
         self._closed = False
@@ -67,8 +67,10 @@ class OwnNode:
             if self._closed:
                 return
             self._closed = True
-        self.node.destroy_node()
-        _release(self._shared)
+        with _released(self._shared) as last:
+            if last:
+                deafen(self.node)
+            self.node.destroy_node()
 
 
 @attrs.define(eq=False)
@@ -76,6 +78,8 @@ class _Shared:
     context: Context
     key: int | str
     users: int = 0
+    ending: threading.Lock = attrs.field(factory=threading.Lock)
+    """Held while a node is destroyed: the context ends after all of them."""
 
 
 _numbers: Iterator[int] = itertools.count(1)
@@ -98,15 +102,21 @@ def _acquire(domain_id: int | None) -> _Shared:
         return shared
 
 
-def _release(shared: _Shared) -> None:
-    with _lock:
-        shared.users -= 1
-        if shared.users:
-            return
-        if _contexts.get(shared.key) is shared:
-            del _contexts[shared.key]
-    shared.context.try_shutdown()
-    shared.context.destroy()
+@contextmanager
+def _released(shared: _Shared) -> Iterator[bool]:
+    """Use it no more from now on, and end the context after the last use; says if this is it."""
+    with shared.ending:
+        with _lock:
+            shared.users -= 1
+            last = not shared.users
+            if last and _contexts.get(shared.key) is shared:
+                del _contexts[shared.key]
+        try:
+            yield last
+        finally:
+            if last:
+                shared.context.try_shutdown()
+                shared.context.destroy()
 
 
 def _new_context(domain_id: int | None) -> Context:

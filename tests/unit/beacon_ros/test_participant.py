@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -55,6 +56,20 @@ def test_the_last_one_takes_the_context_with_it(domain: int, leaves_nothing: Lea
         second.close()
 
     leaves_nothing(come_and_go)
+
+
+def test_nodes_that_are_closed_at_once_by_many_threads_leave_nothing(
+    domain: int, leaves_nothing: LeavesNothing
+) -> None:
+    def come_and_go() -> None:
+        nodes = [OwnNode(f"one_of_{number}", domain) for number in range(5)]
+        closers = [threading.Thread(target=node.close) for node in nodes]
+        for closer in closers:
+            closer.start()
+        for closer in closers:
+            closer.join()
+
+    leaves_nothing(come_and_go, times=20)
 
 
 def test_a_context_that_was_shut_down_is_replaced(domain: int) -> None:

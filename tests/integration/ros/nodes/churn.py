@@ -22,6 +22,7 @@ from beacon_core.clock import SystemClock
 from beacon_core.hint import BeaconHint
 from beacon_core.intake import Intake
 from beacon_core.store import HintStore
+from beacon_ros.ending import deafen
 from beacon_ros.spinner import Spinner
 from beacon_ros_param import ADAPTER as PARAM
 from beacon_ros_param.beacon import declare_beacon
@@ -57,6 +58,7 @@ class Life:
             for say_goodbye in self.goodbyes:
                 say_goodbye()
         assert self.spinner.close(5.0)
+        deafen(self.node)  # or the process may stand still: a defect of Fast DDS, described there
         self.node.destroy_node()
         self.context.try_shutdown()
         self.context.destroy()
