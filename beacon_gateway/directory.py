@@ -59,6 +59,11 @@ class Directory:
         """All entities as they are now. Without a change it is the same object as before."""
         return self._keeper.tree()
 
+    def take_manifest(self, manifest: Manifest) -> None:
+        """Put another manifest in the place of the one there is."""
+        self._known = _core_entities(manifest.tree)
+        self._keeper.take_manifest(manifest)
+
     def listen(self) -> None:
         """Take note of who has been heard; to be called more often than hints expire."""
         self._keeper.listen()
@@ -113,14 +118,7 @@ class Directory:
 
     def kind(self, entity_id: str) -> Kind | None:
         """What the id stands for, ``None`` if it is unknown."""
-        known = self._known
-        if entity_id in known.components:
-            return Kind.COMPONENT
-        if entity_id in known.apps or self._new_app(entity_id) is not None:
-            return Kind.APP
-        if entity_id in known.areas:
-            return Kind.AREA
-        return Kind.FUNCTION if entity_id in known.functions else None
+        return self.tree().kind(entity_id)
 
     def beacon(self, entity_id: str) -> Beacon | None:
         """What the sources say of it, whether or not such an entity is known."""

@@ -52,13 +52,15 @@ class BeaconLayer:
         self._allow_new_entities = allow_new_entities
         self._with_dependencies = with_dependencies
         self._readers = [_Reader(store) for store in stores]
-        self._silent = set(listed)
+        self._listed: frozenset[str] = frozenset()
+        self._silent: set[str] = set()
         self._known = Tree()
         self._tree = Tree()
         self._beacons: dict[str, Beacon] = {}
         self._doubtful: dict[str, None] = {}
         self._changed: dict[str, None] = {}
         self._members = _Members()
+        self.expect(listed)
         self._skipped: set[str] = set()
         self._newly_skipped: list[str] = []
         self.revision = 0
@@ -72,6 +74,15 @@ class BeaconLayer:
     def last(self, entity_id: str) -> Beacon | None:
         """An entity's beacon as it was mapped last."""
         return self._beacons.get(entity_id)
+
+    def expect(self, listed: Iterable[str]) -> None:
+        """Other ids to remember; of those listed before it is known whether they were heard."""
+        before, self._listed = self._listed, frozenset(listed)
+        self._silent = {
+            one
+            for one in self._listed
+            if (one in self._silent if one in before else one not in self._beacons)
+        }
 
     def listen(self) -> None:
         """Take note of what has changed, and leave the work for later."""

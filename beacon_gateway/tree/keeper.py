@@ -83,7 +83,7 @@ class TreeKeeper:
         self._beacons = BeaconLayer(
             stores,
             beacon,
-            listed=(*manifest.tree.apps, *manifest.tree.components),
+            listed=_listed(manifest),
             allow_new_entities=settings.allow_new_entities,
             with_dependencies=not strict,
         )
@@ -102,6 +102,13 @@ class TreeKeeper:
         """As it is now. Without a change it is the same object, and that costs next to nothing."""
         with self._up_to_date():
             return self._result.tree
+
+    def take_manifest(self, manifest: Manifest) -> None:
+        """From now on this one is known beforehand; only what it changes is merged again."""
+        with self._up_to_date():
+            self._manifest = manifest
+            self._beacons.expect(_listed(manifest))
+            self._relink()
 
     def listen(self) -> None:
         """Take note of who has been heard, before the stores forget it: more often than hints
@@ -250,3 +257,7 @@ class TreeKeeper:
         if entity_id in tree.components:
             return entity_id == self._settings.host.id
         return entity_id in tree.areas or entity_id in tree.functions
+
+
+def _listed(manifest: Manifest) -> tuple[str, ...]:
+    return (*manifest.tree.apps, *manifest.tree.components)

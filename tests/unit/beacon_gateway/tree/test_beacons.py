@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import json
 import logging
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from beacon_core.clock import ManualClock
 from beacon_core.hint import BeaconHint
-from beacon_gateway.tree.entities import App, Tree
+from beacon_core.store import HintStore
+from beacon_gateway.tree.beacons import BeaconLayer
+from beacon_gateway.tree.entities import App, Component, Function, Tree
+from beacon_gateway.views import Beacon, View
 
 if TYPE_CHECKING:
     from tests.unit.beacon_gateway.conftest import Plant, PlantMaker
 
 TWO = {"fast": {"ttl_s": 10.0}, "slow": {"ttl_s": 60.0}}
 HOST = {"id": "host", "name": "Host"}
+VECTORS = Path(__file__).parents[3] / "data" / "vectors" / "mapper.jsonl"
+CASES = [json.loads(line) for line in VECTORS.read_text(encoding="utf-8").splitlines()]
 
 
 @pytest.fixture
@@ -171,3 +179,52 @@ def test_a_store_that_has_forgotten_what_changed_is_read_anew(make: Any) -> None
     store.forget()
     store.update(BeaconHint("after"))
     assert set(tree(plant).apps) == {"after"}
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(case, id=f"{case['n']}")
+        for case in CASES
+        # No store holds two hints about one id.
+        if not case["name"].startswith("duplicate hints")
+    ],
+)
+def test_hints_are_laid_over_the_tree_as_in_the_cpp_system(case: dict[str, Any]) -> None:
+    store = HintStore(ManualClock(), ttl_s=1e6, expiry_s=1e7)
+    for hint in case["hints"]:
+        fields: dict[str, Any] = {
+            key: tuple(v) if isinstance(v, list) else v for key, v in hint.items()
+        }
+        for key in ("age_ns", "age_sec", "status"):
+            del fields[key]
+        store.update(BeaconHint(**fields))
+    layer = BeaconLayer(
+        [store],
+        lambda entity_id: Beacon.of(
+            View("", "", stored) for stored in [store.get(entity_id)] if stored
+        ),
+        allow_new_entities=case["allow_new_entities"],
+        with_dependencies=False,
+    )
+    current = case["current"]
+    said = layer.map(
+        Tree(
+            components={one["id"]: Component(**one) for one in current["components"]},
+            apps={one["id"]: App(**one) for one in current["apps"]},
+            functions={
+                one["id"]: Function(one["id"], one["name"], tuple(one["hosts"]))
+                for one in current["functions"]
+            },
+        )
+    )
+    new = case["result"]["new_entities"]
+    assert {one.id: (one.name, one.component_id) for one in said.apps.values()} == {
+        one["id"]: (one["name"], one["component_id"]) for one in new["apps"]
+    }
+    assert {one.id: one.name for one in said.components.values()} == {
+        one["id"]: one["name"] for one in new["components"]
+    }
+    assert {one.id: set(one.hosts) for one in said.functions.values()} == {
+        one["id"]: set(one["hosts"]) for one in new["functions"]
+    }

@@ -17,10 +17,10 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 from beacon_core.clock import ManualClock
 from beacon_core.hint import BeaconHint
 from beacon_core.store import HintStore
-from beacon_fake import FakeNetwork, share_network, unshare_network
-from beacon_gateway.config import load_config
+from beacon_fake import ADAPTER, FakeNetwork, FakeSource, share_network, unshare_network
+from beacon_gateway.config import load_config, parse_config
 from beacon_gateway.gateway import Gateway
-from beacon_gateway.tree.entities import App, Area, Component, Function, RosBinding, Tree
+from beacon_gateway.tree.entities import App, Area, Component, Function, Kind, RosBinding, Tree
 from beacon_gateway.tree.host import Host
 from beacon_gateway.tree.keeper import TreeKeeper, TreeSettings
 from beacon_gateway.tree.linker import Unmanifested
@@ -319,6 +319,47 @@ def test_a_gateway_reads_its_manifest_from_beside_its_configuration(tmp_path: Pa
     assert directory.tree().components["host"].name == "Host"
     assert directory.never_heard("a")
     assert directory.roll_ups()["a"] == directory.roll_up("a")
+
+
+class Seeing(FakeSource):
+    """A source whose carrier shows the ROS graph."""
+
+    def nodes(self) -> frozenset[str]:
+        return frozenset({"/arm/b", "/other"})
+
+
+def test_a_source_that_sees_the_graph_says_who_is_online() -> None:
+    adapter = attrs.evolve(ADAPTER, source=lambda _: Seeing(FakeNetwork(ManualClock())))
+    sources = {"ros": {"adapter": "fake", "options": {"network": "none"}}}
+    entities = {"apps": [{"id": "b", "ros_node": "/arm/b"}]}
+    document = {"sources": sources, "entities": entities, "runtime_nodes": True}
+    config = parse_config(document, lambda _: adapter).config
+    directory = Gateway(config, lookup=lambda _: adapter).directory
+    apps = directory.tree().apps
+    assert {one.id: (one.is_online, one.bound_fqn) for one in apps.values()} == {
+        "b": (True, "/arm/b"),
+        "other": (True, "/other"),
+    }
+    assert directory.kind("other") is Kind.APP
+    linking = directory.report().linking
+    assert linking is not None
+    assert (linking.linked_count, linking.orphan_count) == (1, 1)
+
+
+def test_another_manifest_takes_the_place_of_the_first() -> None:
+    house = House(bound("a", "n"), App("b"), areas=[Area("hall")])
+    house.nodes = frozenset({"/n", "/m"})
+    house.hear("a")
+    house.hear("late")
+    assert house.tree.apps["a"].is_online
+    apps = [App("a"), bound("c", "m"), App("late"), App("new")]
+    house.manifest = Manifest(Tree(apps={app.id: app for app in apps}))
+    house.keeper.take_manifest(house.manifest)
+    assert house.tree == house.new_keeper().tree()
+    assert (house.tree.apps["a"].is_online, house.tree.apps["c"].is_online) == (False, True)
+    assert set(house.tree.areas) == set()
+    assert [one for one in house.tree.apps if house.keeper.never_heard(one)] == ["c", "new"]
+    assert not house.keeper.never_heard("b")
 
 
 def test_many_threads_read_while_hints_arrive() -> None:
