@@ -51,6 +51,8 @@ _ACTIVE, _STALE, _LEFT = Status.ACTIVE, Status.STALE, Status.LEFT
 _HELD = frozenset({Verdict.NEW, Verdict.CHANGED, Verdict.REFRESHED})
 _GONE = frozenset({Cause.GOODBYE, Cause.LOST})
 
+_RESTORED = "known from before a restart, and not heard since"
+
 
 class HintStore:
     """Thread rule: every method may be called from any thread and is atomic: no other method of
@@ -191,6 +193,38 @@ class HintStore:
     ) -> Verdict:
         """The carrier saw its announcer vanish: STALE at once, with ``reason`` as its detail."""
         return self._depart((entity_id, source, incarnation, 0), Cause.LOST, Verdict.LOST, reason)
+
+    def restore(
+        self,
+        hint: BeaconHint,
+        *,
+        last_seen_ns: int,
+        source: str = "",
+        incarnation: str = "",
+        restarts: int = 0,
+    ) -> Verdict:
+        """Take a validated hint that another store knew before: STALE until it is heard.
+
+        ``last_seen_ns`` as that store had it, on this monotonic clock (so it may be below 0); the
+        future counts as now. Whoever is heard as the same ``source`` and ``incarnation`` goes on
+        living; anybody else is a restart, on top of ``restarts``.
+
+        Returns ``NEW``; ``OLDER`` if the id is known already, or the hint has expired; or
+        ``STORE_FULL``.
+        """
+        now_ns = self.clock.monotonic_ns()
+        with self.lock:
+            now_ns = self._book.settle(now_ns)
+            seen_ns = min(last_seen_ns, now_ns)
+            if hint.entity_id in self._book.records or now_ns - seen_ns >= self.expiry_ns:
+                return Verdict.OLDER
+            known = Claimant(self._book.pool.share(hint), source, incarnation, 0, seen_ns)
+            record = Record(known, transition(Status.EXPIRED, Cause.HEARD_LATE), Cause.HEARD_LATE)
+            record.detail, record.restarts = _RESTORED, restarts
+            if not self._book.make_room(count=1, size=record.size):
+                return Verdict.STORE_FULL
+            self._book.begin(record)
+            return Verdict.NEW
 
     def forget(self, entity_id: str | None = None) -> int:
         """Forget one entity, or all with ``None``; returns how many there were."""

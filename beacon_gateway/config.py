@@ -25,6 +25,7 @@ from beacon_gateway.adapters import load_adapter
 from beacon_gateway.documents import read_yaml
 from beacon_gateway.ids import an_id, an_id_or_empty, ids
 from beacon_gateway.problems import DocumentError, Problem, headed
+from beacon_gateway.snapshot import SnapshotConfig
 from beacon_gateway.structuring import Structurer
 from beacon_gateway.tree import entities as tree
 from beacon_gateway.tree.manifest import Manifest, load_manifest
@@ -249,6 +250,7 @@ class Config:
     runtime_nodes: bool = False
     default_component: DefaultComponent = DefaultComponent()
     allow_new_entities: bool = True
+    snapshot: SnapshotConfig | None = None
     server_name: str = "Beacon gateway"
     server_version: str = ""
     """Empty: the gateway's own."""
@@ -337,7 +339,9 @@ def _config(value: object, structurer: Structurer, folder: Path | None) -> Confi
     config = structurer.fields({"sources": DEFAULT_SOURCES, **given}, Config)
     if config.manifest and not structurer.problems:
         _check_ids(config, structurer)
-    return attrs.evolve(config, http=config.http.located(folder or Path()))
+    folder = folder or Path()
+    snapshot = config.snapshot and attrs.evolve(config.snapshot, path=folder / config.snapshot.path)
+    return attrs.evolve(config, http=config.http.located(folder), snapshot=snapshot)
 
 
 def _check_ids(config: Config, structurer: Structurer) -> None:

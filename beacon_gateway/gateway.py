@@ -14,6 +14,7 @@ from beacon_gateway.config import Config, Lookup, read_manifest
 from beacon_gateway.departures import Departures
 from beacon_gateway.directory import Directory
 from beacon_gateway.listener import Listener
+from beacon_gateway.snapshot import Snapshots
 from beacon_gateway.tree.host import Host
 from beacon_gateway.tree.keeper import TreeSettings
 from beacon_gateway.vendor import vendor_endpoints
@@ -24,6 +25,9 @@ _log = logging.getLogger(__name__)
 
 _CLOSE_WITHIN_S = 2.0
 """Adapters promise one second; they close side by side."""
+
+_WRITE_WITHIN_S = 2.0
+"""A full snapshot takes a tenth of that; a disk that hangs must not hold up the end."""
 
 
 _SWEEPER_LATE_S = 10.0
@@ -64,6 +68,10 @@ class Gateway:
         self.directory = Directory(
             read_manifest(config), self.listeners, departures, _tree_settings(config)
         )
+        self._snapshots: Snapshots | None = None
+        if config.snapshot is not None:
+            stores = {listener.name: listener.store for listener in self.listeners}
+            self._snapshots = Snapshots(config.snapshot, stores, self.clock)
         self._closing = threading.Event()
         self._swept_s = 0.0
         self._sweeper = threading.Thread(target=self._sweep, name="beacon-sweeper", daemon=True)
@@ -73,6 +81,8 @@ class Gateway:
 
         Raises ``ConfigError`` for what no amount of trying can mend.
         """
+        if self._snapshots is not None:
+            self._snapshots.restore()
         try:
             for listener in self.listeners:
                 listener.start()
@@ -81,6 +91,8 @@ class Gateway:
             raise
         self._swept_s = time.monotonic()
         self._sweeper.start()
+        if self._snapshots is not None:
+            self._snapshots.start()
 
     @property
     def running(self) -> bool:
@@ -95,8 +107,8 @@ class Gateway:
         return self._sweeper.is_alive() and late_s < _SWEEPER_LATE_S
 
     def close(self) -> None:
-        """Stop listening. Idempotent, within 2 s whatever an adapter does; what was heard stays
-        readable."""
+        """Stop listening. Idempotent, within 2 s whatever an adapter does, and 2 s more whatever the
+        disk does; what was heard stays readable."""
         self.stopping.set()
         self._closing.set()
         threads = [
@@ -108,6 +120,8 @@ class Gateway:
         if self._sweeper.is_alive():
             threads.append(self._sweeper)
         _join(threads)
+        if self._snapshots is not None:
+            self._snapshots.close(_WRITE_WITHIN_S)
 
     def _sweep(self) -> None:
         """Settle each store when something in it falls due.

@@ -1,8 +1,8 @@
 """The store: words kept, changes told, the short way, and all of it from several threads.
 
 What time does is in test_store_time.py, goodbyes and losses in test_store_departures.py, rival
-claims in test_store_claims.py, full stores in test_store_room.py, and what the C++ system does in
-test_store_vectors.py. This file holds some of each.
+claims in test_store_claims.py, full stores in test_store_room.py, what was known before a restart in
+test_store_restore.py, and what the C++ system does in test_store_vectors.py. This file holds some of each.
 """
 
 from __future__ import annotations
@@ -823,3 +823,20 @@ def test_nothing_is_forgotten_in_any_count(house: House) -> None:
     for step in itertools.islice(steps, 400):
         step()
         check_sums(house)
+
+
+# -- restored from before --------------------------------------------------------------------------
+
+
+def test_what_was_known_before_is_stale_until_it_is_heard() -> None:
+    house = House(max_hints=1)
+    known = BeaconHint("e", display_name="Known")
+    assert house.store.restore(known, last_seen_ns=house.now - EXPIRY) is Verdict.OLDER
+    assert house.store.restore(known, last_seen_ns=house.now, source="r") is Verdict.NEW
+    assert house.store.restore(known, last_seen_ns=house.now, source="r") is Verdict.OLDER
+    check_sums(house)
+    assert house.status() is STALE
+    house.hear()
+    assert house.status() is ACTIVE
+    assert house.store.restore(BeaconHint("f"), last_seen_ns=house.now) is Verdict.STORE_FULL
+    check_sums(house)
