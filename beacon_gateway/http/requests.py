@@ -11,10 +11,7 @@ from starlette.requests import Request
 from beacon_gateway.http import errors
 from beacon_gateway.http.models.subscriptions import Interval
 
-__all__ = ["MAX_BODY", "MAX_DURATION_S", "body_of", "duration_of", "interval_of", "text_of"]
-
-MAX_BODY = 64 * 1024
-"""Bytes. The longest sensible one has some hundred."""
+__all__ = ["MAX_DURATION_S", "body_of", "duration_of", "interval_of", "text_of"]
 
 MAX_DURATION_S = 3600
 """As there: who wants more asks again."""
@@ -24,15 +21,9 @@ _SHOWN = 256
 
 async def body_of(request: Request) -> Mapping[str, Any]:
     """The object in a request's body. Raises ``ApiError``."""
-    received = bytearray()
-    async for piece in request.stream():
-        received += piece
-        if len(received) > MAX_BODY:
-            raise errors.ApiError(
-                413, "invalid-request", f"Request body too large (max {MAX_BODY} bytes)"
-            )
+    # How long it may be is seen to in front of the application.
     try:
-        given = orjson.loads(received)
+        given = orjson.loads(await request.body())
     except orjson.JSONDecodeError as error:
         raise errors.invalid_request("Request body is not JSON", details=str(error)) from error
     if not isinstance(given, dict):

@@ -10,9 +10,9 @@ from pathlib import Path
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-def run(name: str) -> list[str]:
+def run(name: str, *arguments: str) -> list[str]:
     done = subprocess.run(
-        [sys.executable, "-W", "error", EXAMPLES / name],
+        [sys.executable, "-W", "error", EXAMPLES / name, *arguments],
         capture_output=True,
         check=True,
         encoding="utf-8",
@@ -53,3 +53,10 @@ def test_a_gateway_embeds_the_core() -> None:
     (response,) = below(lines, "vendor endpoint of engine_temp")
     assert len(json.loads(response)) == 14
     assert json.loads(response)["status"] == "active"
+
+
+def test_an_application_mounts_the_interface() -> None:
+    assert run("mount_in_your_app.py", "--once") == [
+        "your own page",
+        "/robots/api/v1/apps/engine_temp is active",
+    ]

@@ -63,7 +63,9 @@ QUIET_NS = _SECOND
 middle of a departure may be told of tokens that have gone, and never that they have."""
 
 _TRY_AGAIN_NS = 10 * _SECOND
-"""If there was no other session to be had."""
+"""If there was no other session to be had; and for how long questions are waited for."""
+
+_MOMENT_NS = _SECOND // 20
 
 _PUT = zenoh.SampleKind.PUT
 
@@ -120,8 +122,12 @@ class Watch:
         """Somebody is there by its token alone: look again soon, on another session."""
         self._suspected = True
 
-    def step(self, now_ns: int) -> int | None:
-        """Do what is due; returns when there may be something to do again."""
+    def step(self, now_ns: int, *, busy: bool = False) -> int | None:
+        """Do what is due; returns when there may be something to do again.
+
+        ``busy``: questions are under way on this session, which would end with it. Another one
+        waits for them, but not for ever.
+        """
         if self._sweep_at_ns is not None and self._sweep_at_ns <= now_ns:
             self._sweep_at_ns = None
             with self._reporting:
@@ -130,7 +136,9 @@ class Watch:
         if self._keeper.config.mode != "client" or not self._keeper.connected:
             return self._sweep_at_ns
         renew_at_ns = self._renew_at_ns()
-        if renew_at_ns <= now_ns:
+        if busy and renew_at_ns <= now_ns < renew_at_ns + _TRY_AGAIN_NS:
+            renew_at_ns = now_ns + _MOMENT_NS
+        elif renew_at_ns <= now_ns:
             self._renew_not_before_ns = renew_at_ns = now_ns + _TRY_AGAIN_NS
             self._keeper.renew()
         return renew_at_ns if self._sweep_at_ns is None else min(renew_at_ns, self._sweep_at_ns)

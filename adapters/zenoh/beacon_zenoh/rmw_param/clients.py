@@ -84,6 +84,8 @@ class ZenohClients:
         """Answers that were none: too long, or malformed."""
         self.foreign_answers = 0
         """Answers of others than the node that was asked, and more of them than there should be."""
+        self.waiting = 0
+        """Questions that have not ended yet."""
         self._doors, self._timeout_s, self._wake = doors, timeout_s, wake
         self._gid = secrets.token_bytes(attachment.GID_BYTES)
         self._sequence = 0
@@ -96,6 +98,7 @@ class ZenohClients:
         """Read what has come meanwhile, and hand it to whoever asked."""
         while self._arrived:
             question, reply = self._arrived.popleft()
+            self.waiting -= reply is None
             if question.done is None:
                 continue
             if reply is None:
@@ -120,6 +123,7 @@ class ZenohClients:
             indirect=False,
         )
         ask(self.session, key, request, beside, handler, self._timeout_s)
+        self.waiting += 1
         return question.drop
 
     def _take(self, question: _Question, reply: zenoh.Reply) -> None:

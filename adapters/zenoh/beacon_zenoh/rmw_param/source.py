@@ -145,7 +145,7 @@ class RmwParamSource:
         if asker is None:
             return None
         self._clients.session = session
-        watch_again_ns = self._watch.step(now_ns)
+        watch_again_ns = self._watch.step(now_ns, busy=self._clients.waiting > 0)
         look_at_ns = self._look_at_ns()
         if look_at_ns is not None and look_at_ns <= now_ns:
             self._look(asker, now_ns)

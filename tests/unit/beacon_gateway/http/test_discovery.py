@@ -64,8 +64,8 @@ def test_a_line_has_what_the_manifest_says(written: Plant) -> None:
         (
             "/apps/planner",
             (
-                f"status {RESOURCES} bulk-data cyclic-subscriptions triggers is-located-on belongs-to "
-                "depends-on x-medkit-beacon"
+                f"status {RESOURCES} bulk-data cyclic-subscriptions triggers is-located-on "
+                "belongs-to depends-on x-medkit-beacon"
             ),
         ),
         ("/functions/drive", f"hosts {RESOURCES} bulk-data cyclic-subscriptions triggers"),

@@ -176,6 +176,17 @@ def test_if_there_is_none_to_be_had_it_is_tried_again_later(world: World) -> Non
     assert world.keeper.renewals == 2
 
 
+def test_questions_under_way_are_waited_for_but_not_for_ever(world: World) -> None:
+    world.begin()
+    now_ns = time.monotonic_ns() + RENEWED_AFTER_NS
+    again_ns = world.watch.step(now_ns, busy=True)
+    assert again_ns is not None
+    assert now_ns < again_ns < now_ns + QUIET_NS
+    assert world.keeper.renewals == 0
+    world.watch.step(now_ns + 11 * QUIET_NS, busy=True)
+    assert world.keeper.renewals == 1
+
+
 def test_a_worn_session_is_replaced_as_soon_as_all_is_quiet(
     world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -284,9 +284,11 @@ def test_a_flood_of_answers_to_one_question_is_cut_off(harness: RmwParamHarness)
     drop = asked.ask("0/babble", "another", b"", messages.decode_names, heard.append)
     within(harness, lambda: asked.foreign_answers > 80, "they are counted")
     within(harness, lambda: len(woken) == clients.MAX_ANSWERS + 1, "there are no more")
+    assert asked.waiting == 1
     asked.deliver()
     assert heard == [None]
     assert asked.foreign_answers == 100
+    assert asked.waiting == 0
     drop()
     session.close()
 

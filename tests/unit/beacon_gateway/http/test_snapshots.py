@@ -1,0 +1,77 @@
+"""An answer that is kept for a moment hides no change."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from beacon_gateway.http import snapshots
+from beacon_gateway.http.snapshots import LONGEST_NS, Snapshots
+
+if TYPE_CHECKING:
+    from tests.unit.beacon_gateway.conftest import Plant
+
+
+def test_within_a_moment_an_answer_is_given_again_and_then_made_anew(heard: Plant) -> None:
+    kept = Snapshots(heard.gateway)
+    assert kept.get("a") is None
+    assert kept.make("a", lambda: b"one") == b"one"
+    assert kept.get("a") == b"one"
+    assert kept.get("b") is None
+    heard.clock.advance(LONGEST_NS)
+    assert kept.get("a") == b"one"
+    heard.clock.advance(1)
+    assert kept.get("a") is None
+
+
+def test_any_change_in_a_store_ends_it(heard: Plant) -> None:
+    kept = Snapshots(heard.gateway)
+    kept.make("a", lambda: b"one")
+    heard.announce("lidar", display_name="Other")
+    assert kept.get("a") is None
+
+
+def test_what_falls_due_ends_it_at_that_very_moment(heard: Plant) -> None:
+    kept = Snapshots(heard.gateway)
+    store = heard.gateway.listeners[0].store
+    due_ns = store.next_deadline_ns()
+    assert due_ns is not None
+    heard.clock.advance(due_ns - heard.clock.monotonic_ns() - 2)
+    kept.make("a", lambda: b"one")
+    heard.clock.advance(1)
+    assert kept.get("a") == b"one"
+    heard.clock.advance(1)
+    assert kept.get("a") is None
+
+
+def test_an_answer_that_cannot_be_made_is_not_kept(heard: Plant) -> None:
+    kept = Snapshots(heard.gateway)
+
+    def fails() -> bytes:
+        raise LookupError
+
+    with pytest.raises(LookupError):
+        kept.make("a", fails)
+    assert kept.get("a") is None
+
+
+def test_what_is_kept_is_bounded(heard: Plant, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(snapshots, "MAX_BYTES", 10)
+    kept = Snapshots(heard.gateway)
+    kept.make("a", lambda: b"12345")
+    kept.make("b", lambda: b"12345")
+    assert kept.get("a") == b"12345"
+    kept.make("c", lambda: b"1")
+    assert (kept.get("a"), kept.get("b"), kept.get("c")) == (None, None, b"1")
+
+
+def test_ages_go_on_and_a_change_of_status_is_seen_at_once(heard: Plant) -> None:
+    first = heard.ok("/apps/lidar/x-medkit-beacon")["age_sec"]
+    heard.wait(0.5)
+    assert heard.ok("/apps/lidar/x-medkit-beacon")["age_sec"] == pytest.approx(first + 0.5)
+    heard.wait(9.4)
+    assert heard.ok("/apps/lidar/x-medkit-beacon")["status"] == "active"
+    heard.wait(0.2)
+    assert heard.ok("/apps/lidar/x-medkit-beacon")["status"] == "stale"
+    assert heard.ok("/apps")["items"][0]["x-medkit"]["is_online"] is False
