@@ -22,15 +22,17 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Mount, Route
 
-from beacon_core.clock import SystemClock
+from beacon_core.clock import ManualClock
 from beacon_core.hint import BeaconHint
 from beacon_fake import FakeAnnouncer, FakeNetwork, share_network
 from beacon_gateway.config import parse_config
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.http import create_app
 
-# A simulated network, so that the example runs by itself; yours is {"adapter": "zenoh"} or so.
-network = FakeNetwork(SystemClock())
+# A simulated network, so that the example runs by itself (and a clock that stands still); yours is
+# {"adapter": "zenoh"} or so.
+clock = ManualClock()
+network = FakeNetwork(clock)
 share_network(network, "example")
 config = parse_config(
     {
@@ -38,7 +40,7 @@ config = parse_config(
         "entities": {"components": [{"id": "ecu_front"}]},
     }
 ).config
-gateway = Gateway(config)
+gateway = Gateway(config, clock=clock)
 
 
 async def hello(_: Request) -> Response:
