@@ -24,6 +24,7 @@ import zenoh
 
 from beacon_core.hint import BeaconHint
 from beacon_core.lifecycle import Cause, Status
+from beacon_core.parameters.fields import PREFIX, write
 from beacon_core.ports.health import Condition
 from beacon_core.testing.harness import Listener
 from beacon_core.wire.medkit import TYPE_HASH
@@ -31,6 +32,7 @@ from beacon_zenoh.rmw import RmwOptions
 from beacon_zenoh.rmw.announcer import RmwTopicAnnouncer
 from beacon_zenoh.rmw.harness import RmwHarness
 from beacon_zenoh.rmw.tokens import Kind
+from beacon_zenoh.rmw_param.harness import RmwParamHarness
 
 # Making the environment takes half a minute, and more where the package index is slow.
 pytestmark = [pytest.mark.timeout(600), pytest.mark.system]
@@ -219,6 +221,50 @@ def test_its_nodes_are_in_our_graph_and_ours_in_its(
     assert seen["hashes"] == [TYPE_HASH]
     peer.say("end", "talker")
     eventually(harness, lambda: theirs() == ["/fleet/r1/ear"], 2.0)
+
+
+class BesideIt(RmwParamHarness):
+    """Parameters over the same router."""
+
+    def __init__(self, endpoint: str) -> None:
+        super().__init__()
+        self._endpoint = endpoint
+
+    @property
+    def endpoint(self) -> str:
+        return self._endpoint
+
+
+@pytest.fixture
+def asking(harness: RmwHarness) -> Iterator[RmwParamHarness]:
+    made = BesideIt(harness.endpoint)
+    yield made
+    made.close()
+
+
+def test_it_is_asked_for_its_parameters(
+    harness: RmwHarness, asking: RmwParamHarness, start: Callable[[], Peer]
+) -> None:
+    listener = Listener(asking).start()
+    hint = BeaconHint("engine", display_name="Motör 🚗", metadata={"vendor": "acme"})
+    assert start().say("declare", "talker", dict(write(hint))) == "declared"
+    eventually(harness, lambda: listener.has("engine"))
+    stored = listener.store.get("engine")
+    assert stored is not None
+    assert (stored.hint, stored.source) == (hint, "/fleet/r1/talker")
+
+
+def test_it_asks_what_we_announce_as_parameters(
+    harness: RmwHarness, asking: RmwParamHarness, start: Callable[[], Peer]
+) -> None:
+    announcer = asking.announcer()
+    hint = BeaconHint("brake", display_name="Bremse", metadata={"a": "b"})
+    announcer.announce(hint)
+    listener = Listener(asking).start()
+    eventually(harness, lambda: listener.has("brake"))
+    stored = listener.store.get("brake")
+    assert stored is not None
+    assert start().say("ask", stored.source, PREFIX) == write(hint)
 
 
 def test_it_hears_what_we_announce(harness: RmwHarness, start: Callable[[], Peer]) -> None:
