@@ -48,7 +48,7 @@ class IncrementalMerge:
     def merge(self, layers: Sequence[Layer]) -> MergeResult:
         """All layers together, as they are now.
 
-        The same ``tree`` as last time if nothing has changed.
+        The same ``tree`` as last time if no entity has changed by it.
         """
         old, self._layers = self._layers, tuple(layers)
         another = list(map(_rank, old)) != list(map(_rank, layers))
@@ -57,30 +57,41 @@ class IncrementalMerge:
             before = [entities_of(layer, kind) for layer in old]
             now = [entities_of(layer, kind) for layer in layers]
             touched = _all(before, now) if another else _changed(before, now)
-            if touched:
-                kinds[kind] = self._folded(kind, touched)
-        if kinds:
-            unchanged = {kind: getattr(self._tree, kind) for kind in KINDS if kind not in kinds}
-            self._tree = Tree(**cast("Any", {**unchanged, **kinds}))
+            kept = getattr(self._tree, kind)
+            kinds[kind] = self._folded(kind, touched) if touched else kept
+        if any(kinds[kind] is not getattr(self._tree, kind) for kind in KINDS):
+            self._tree = Tree(**cast("Any", kinds))
         return self._result()
 
     def _folded(self, kind: str, touched: Iterable[str]) -> Mapping[str, Entity]:
-        merged: dict[str, Entity] = dict(getattr(self._tree, kind))
-        conflicts, enriched = self._conflicts[kind], self._enriched[kind]
+        """The entities of a kind as they are now; the same object if all are as they were."""
+        before: Mapping[str, Entity] = getattr(self._tree, kind)
+        merged = dict(before)
+        changed = False
         for entity_id in touched:
-            conflicts.pop(entity_id, None)
-            enriched.discard(entity_id)
-            said = said_of(self._layers, kind, entity_id)
-            if not said:
-                merged.pop(entity_id, None)
+            entity = self._fold(kind, entity_id)
+            if entity == merged.get(entity_id):
                 continue
-            entity, found = fold(said, strict_upstream=self._strict_upstream)
-            merged[entity_id] = entity if self._finish is None else self._finish(entity)
-            if found:
-                conflicts[entity_id] = found
-            if len(said) > 1:
-                enriched.add(entity_id)
-        return merged
+            changed = True
+            if entity is None:
+                del merged[entity_id]
+            else:
+                merged[entity_id] = entity
+        return merged if changed else before
+
+    def _fold(self, kind: str, entity_id: str) -> Entity | None:
+        """One entity as it is now; ``None`` if nobody knows it any more."""
+        self._conflicts[kind].pop(entity_id, None)
+        self._enriched[kind].discard(entity_id)
+        said = said_of(self._layers, kind, entity_id)
+        if not said:
+            return None
+        entity, found = fold(said, strict_upstream=self._strict_upstream)
+        if found:
+            self._conflicts[kind][entity_id] = found
+        if len(said) > 1:
+            self._enriched[kind].add(entity_id)
+        return entity if self._finish is None else self._finish(entity)
 
     def _result(self) -> MergeResult:
         by_id = (found for kind in KINDS for found in self._conflicts[kind].values())

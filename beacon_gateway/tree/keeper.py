@@ -6,6 +6,7 @@ import logging
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from operator import is_
 from types import MappingProxyType
 
 import attrs
@@ -91,10 +92,11 @@ class TreeKeeper:
         self._linking = link(manifest.tree.apps.values(), (), manifest.unmanifested_nodes)
         self._runtime = self._host = self._said = Tree()
         self._known = self._all_known()
+        self._merged: tuple[object, ...] = (None, None, None)
+        self._merges = 0
         self._result = MergeResult(Tree())
         self._rolled_up = RollUps((), self._depends_on, self._fault)
-        self._rolled_up_tree: Tree | None = None
-        self._rolled_up_revision = 0
+        self._rolled_up_of: tuple[int, int] | None = None
         self._logged: set[str] = set()
         self._messages: list[tuple[int, str]] = []
 
@@ -125,16 +127,18 @@ class TreeKeeper:
     def roll_up(self, entity_id: str) -> RollUp:
         """Is it active, with all that it needs?"""
         with self._up_to_date():
+            if self._rolled_up_of == self._state() and entity_id in self._rolled_up:
+                return self._rolled_up[entity_id]
             return roll_up(entity_id, self._depends_on, self._fault)
 
     def roll_ups(self) -> Mapping[str, RollUp]:
         """The same for every entity of the tree. Without a change it is the same object."""
         with self._up_to_date():
-            tree, revision = self._result.tree, self._beacons.revision
-            if self._rolled_up_tree is not tree or self._rolled_up_revision != revision:
+            if self._rolled_up_of != self._state():
+                tree = self._result.tree
                 ids = (*tree.components, *tree.apps, *tree.areas, *tree.functions)
                 self._rolled_up = RollUps(ids, self._depends_on, self._fault)
-                self._rolled_up_tree, self._rolled_up_revision = tree, revision
+                self._rolled_up_of = self._state()
             return self._rolled_up
 
     def report(self) -> MergeReport:
@@ -171,14 +175,23 @@ class TreeKeeper:
             (logging.WARNING, f"{quoted(one)} is no known app or component: its hint is skipped")
             for one in self._beacons.newly_skipped()
         ]
+        parts = (self._manifest, self._runtime, self._said)
+        if all(map(is_, parts, self._merged)):
+            return
+        self._merged = parts
         before, self._result = self._result, self._merge.merge(self._layers())
         if self._result.tree is before.tree:
             return
+        self._merges += 1
         # The host is shown while somebody is on it, and whether that is so shows only now.
         shown = self._settings.host.tree(self._manifest.tree) if self._hosting() else Tree()
         if shown != self._host:
             self._host = shown
             self._result = self._merge.merge(self._layers())
+
+    def _state(self) -> tuple[int, int]:
+        """Another one whenever somebody may be active who was not, or the other way round."""
+        return self._merges, self._beacons.revision
 
     def _layers(self) -> tuple[Layer, ...]:
         manifest = self._manifest
@@ -232,22 +245,27 @@ class TreeKeeper:
         return [(level, f"{quoted(node)} is the node of no app of the manifest") for node in fresh]
 
     def _depends_on(self, entity_id: str) -> Iterable[str]:
+        """Whom it needs by the tree, and by its own word."""
         tree = self._result.tree
-        found: dict[str, None] = {}
-        for kind in (tree.components, tree.apps, tree.functions):
-            entity = kind.get(entity_id)
-            if entity is not None:
-                found |= dict.fromkeys(entity.depends_on)
+        entity = (
+            tree.components.get(entity_id)
+            or tree.apps.get(entity_id)
+            or tree.functions.get(entity_id)
+        )
+        needed = () if entity is None else entity.depends_on
         beacon = self._beacons.last(entity_id)
-        return found if beacon is None else found | dict.fromkeys(beacon.stored.hint.depends_on)
+        told = () if beacon is None else beacon.stored.hint.depends_on
+        return dict.fromkeys((*needed, *told)) if needed and told else needed or told
 
     def _fault(self, entity_id: str) -> str:
         beacon = self._beacons.last(entity_id)
-        if beacon is None and self._there_without(entity_id):
+        if beacon is not None:
+            return fault_of(entity_id, beacon)
+        if self._there_without(entity_id):
             return ""
         known = self._result.tree.kind(entity_id) is not None
         heard = entity_id not in self._beacons.never_heard
-        return fault_of(entity_id, beacon, known=known, heard=heard)
+        return fault_of(entity_id, None, known=known, heard=heard)
 
     def _there_without(self, entity_id: str) -> bool:
         """Areas and functions have no beacon; a node shows an app, and this answer the host."""

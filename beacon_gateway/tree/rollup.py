@@ -88,10 +88,12 @@ class RollUps(Mapping[str, RollUp]):
         return len(self._ids)
 
 
-def fault_of(entity_id: str, beacon: Beacon | None, *, known: bool, heard: bool) -> str:
+def fault_of(
+    entity_id: str, beacon: Beacon | None, *, known: bool = True, heard: bool = True
+) -> str:
     """What is wrong with an entity itself, as its beacon has it.
 
-    ``known``: it is in the tree. ``heard``: there has been a beacon.
+    Without one, it counts whether it is ``known`` (in the tree), and was ever ``heard``.
     """
     if beacon is None:
         if not known:

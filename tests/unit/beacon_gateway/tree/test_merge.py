@@ -448,6 +448,17 @@ def test_merging_again_leaves_who_did_not_change_and_what_was_handed_out_as_they
     assert set(kept.merge((manifest(App("a")),)).tree.apps) == {"a"}
 
 
+def test_what_is_said_in_vain_leaves_the_tree_the_same_object() -> None:
+    known = manifest(App("a", "Name"))
+    kept = IncrementalMerge()
+    first = kept.merge((known, beacon(App("a", "One"))))
+    second = kept.merge((known, beacon(App("a", "Two"))))
+    assert second.tree is first.tree
+    third = kept.merge((known, beacon()))
+    assert third.tree is first.tree
+    assert (first.enriched, third.enriched) == (1, 0)
+
+
 def test_each_entity_is_finished_once_it_is_folded() -> None:
     def shout(entity: Entity) -> Entity:
         return attrs.evolve(entity, name=entity.name.upper())
