@@ -17,6 +17,7 @@ from beacon_gateway.listener import Listener
 from beacon_gateway.snapshot import Snapshots
 from beacon_gateway.tree.host import Host
 from beacon_gateway.tree.keeper import TreeSettings
+from beacon_gateway.tree.manifest import Manifest
 from beacon_gateway.vendor import vendor_endpoints
 
 __all__ = ["Gateway"]
@@ -106,9 +107,19 @@ class Gateway:
         late_s = time.monotonic() - self._swept_s - longest_s
         return self._sweeper.is_alive() and late_s < _SWEEPER_LATE_S
 
+    def take_config(self, config: Config, manifest: Manifest) -> None:
+        """Put another configuration in the place of the one there is. Its sources must be the
+        same; ``manifest`` is :func:`beacon_gateway.config.read_manifest` of it.
+        """
+        if config.entities != self.config.entities:
+            for listener in self.listeners:
+                listener.take_targets(config.entities.ros_nodes())
+        self.config = config
+        self.directory.take_manifest(manifest)
+
     def close(self) -> None:
-        """Stop listening. Idempotent, within 2 s whatever an adapter does, and 2 s more whatever the
-        disk does; what was heard stays readable."""
+        """Stop listening. Idempotent, within 2 s whatever an adapter does, and 2 s more whatever
+        the disk does; what was heard stays readable."""
         self.stopping.set()
         self._closing.set()
         threads = [

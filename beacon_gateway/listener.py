@@ -75,6 +75,11 @@ class Listener:
         except BeaconError as error:
             raise self._at_its_place(error) from error
 
+    def take_targets(self, targets: frozenset[str]) -> None:
+        """From now on these are the nodes of the gateway's apps."""
+        if isinstance(self.source, Targeted):
+            self.source.set_targets(targets or None)
+
     def close(self) -> None:
         """Stop listening; see :meth:`beacon_core.ports.source.HintSource.close`."""
         self.source.close()

@@ -17,11 +17,12 @@ from beacon_gateway.config import Config, Loaded, LogLevel, default_config, load
 from beacon_gateway.console.exits import Exit, Fault
 from beacon_gateway.console.flags import port
 from beacon_gateway.console.logs import set_up_logging
-from beacon_gateway.console.signals import on_stop_signal
+from beacon_gateway.console.signals import on_reload_signal, on_stop_signal
 from beacon_gateway.console.terminal import write_json
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.http import create_app
 from beacon_gateway.problems import headed
+from beacon_gateway.reload import Reload
 from beacon_gateway.server import HttpServer, allow_connections
 from beacon_gateway.tls import server_context
 
@@ -36,8 +37,9 @@ _OTHER_CONNECTIONS = 2048
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     made = argparse.ArgumentParser(
-        description="Run the gateway until Ctrl-C or SIGTERM. Without a file: one Zenoh source, "
-        "the gateway being its own router on tcp/127.0.0.1:7447, and HTTP on 127.0.0.1:8080."
+        description="Run the gateway until Ctrl-C or SIGTERM; SIGHUP reads the file again. "
+        "Without a file: one Zenoh source, the gateway being its own router on "
+        "tcp/127.0.0.1:7447, and HTTP on 127.0.0.1:8080."
     )
     made.add_argument("-c", "--config", type=Path, metavar="FILE", help="the YAML configuration")
     made.add_argument("--host", help="serve on this address instead of the configured one")
@@ -56,9 +58,9 @@ def parser() -> argparse.ArgumentParser:
 
 def run(arguments: argparse.Namespace) -> int:
     """Returns the exit code, once stopped."""
-    loaded = read_config(arguments.config)
-    config = _overridden(loaded.config, arguments)
-    set_up_logging(config.log_level, config.log_format)
+    loaded = _read(arguments)
+    config = loaded.config
+    _log_as(config)
     for correction in loaded.corrections:
         _log.warning("%s", correction)
     access = Access(config.http)
@@ -68,9 +70,13 @@ def run(arguments: argparse.Namespace) -> int:
             write_json({"url": server.url}, indent=None)
         connections = config.http.max_streams + _OTHER_CONNECTIONS
         allow_connections(connections)
-        server.serve(
-            create_app(gateway, access), at_stop=gateway.stopping.set, max_connections=connections
-        )
+        reload = Reload(lambda: _read(arguments), gateway, access, server, _log_as)
+        with on_reload_signal(reload):
+            server.serve(
+                create_app(gateway, access),
+                at_stop=gateway.stopping.set,
+                max_connections=connections,
+            )
     _log.info("stopped")
     return Exit.OK
 
@@ -106,6 +112,16 @@ def read_config(path: Path | None) -> Loaded:
         return load_config(path)
     except ConfigError as error:
         raise headed(str(path), error) from error
+
+
+def _read(arguments: argparse.Namespace) -> Loaded:
+    """The configuration with what the command line says instead."""
+    loaded = read_config(arguments.config)
+    return attrs.evolve(loaded, config=_overridden(loaded.config, arguments))
+
+
+def _log_as(config: Config) -> None:
+    set_up_logging(config.log_level, config.log_format)
 
 
 def _overridden(config: Config, arguments: argparse.Namespace) -> Config:

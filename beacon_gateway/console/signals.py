@@ -1,7 +1,8 @@
-"""Ctrl-C and SIGTERM as an orderly request to stop."""
+"""Ctrl-C and SIGTERM as an orderly request to stop, SIGHUP as one to read again."""
 
 from __future__ import annotations
 
+import logging
 import math
 import signal
 import threading
@@ -9,9 +10,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-__all__ = ["on_stop_signal", "wait"]
+__all__ = ["on_reload_signal", "on_stop_signal", "wait"]
+
+_log = logging.getLogger(__name__)
 
 _WAKE_S = 0.2
+_END_S = 2.0
 
 
 @contextmanager
@@ -27,6 +31,37 @@ def on_stop_signal(stop: Callable[[], None]) -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@contextmanager
+def on_reload_signal(reload: Callable[[], object]) -> Iterator[None]:
+    """Within: SIGHUP calls ``reload``, in a thread of its own, and one after the other.
+
+    Only in the main thread, where Python handles signals.
+    """
+    asked, ended = threading.Event(), threading.Event()
+
+    def follow() -> None:
+        while True:
+            asked.wait()
+            if ended.is_set():
+                return
+            asked.clear()
+            try:
+                reload()
+            except Exception:  # noqa: BLE001 - a defect must not make the gateway deaf to the next one
+                _log.exception("reloading failed")
+
+    before = signal.signal(signal.SIGHUP, lambda *_: asked.set())
+    thread = threading.Thread(target=follow, name="beacon-reload", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGHUP, before)
+        ended.set()
+        asked.set()
+        thread.join(_END_S)
 
 
 def wait(stop: threading.Event, seconds: float | None = None) -> bool:
