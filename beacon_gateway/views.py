@@ -47,7 +47,10 @@ class Beacon:
     @classmethod
     def of(cls, views: Iterable[View]) -> Beacon | None:
         """``None`` if there is no view at all."""
-        freshest_first = tuple(sorted(views, key=_freshness, reverse=True))
+        freshest_first = tuple(views)
+        # Most have one: a list of all entities sorts none of them.
+        if len(freshest_first) > 1:
+            freshest_first = tuple(sorted(freshest_first, key=_freshness, reverse=True))
         return cls(freshest_first) if freshest_first else None
 
     def heard_by(self, adapters: Container[str]) -> Beacon | None:

@@ -9,7 +9,6 @@ from typing import Any
 
 import attrs
 
-from beacon_core.lifecycle import Status
 from beacon_core.stored import StoredHint
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.http.models.medkit import (
@@ -24,7 +23,24 @@ from beacon_gateway.tree.entities import App, Area, Component, Function, Tree
 from beacon_gateway.tree.rollup import RollUp
 from beacon_gateway.views import Beacon
 
-__all__ = ["Blocks", "evidence", "process"]
+__all__ = ["Blocks", "Life", "evidence", "process"]
+
+
+@attrs.frozen
+class Life:
+    """How an app or a component is, besides what is written down about it."""
+
+    beacon: Beacon | None
+    never_heard: bool
+    functions: Sequence[str] | None
+    dependencies: Mapping[str, Any]
+
+    @property
+    def gist(self) -> tuple[object, ...]:
+        """What all of it follows from but ages; equal while nothing else has changed."""
+        views = () if self.beacon is None else self.beacon.views
+        said = tuple([(view.source, view.stored.revision) for view in views])
+        return said, self.never_heard, self.functions, self.dependencies
 
 
 @attrs.frozen(slots=False)
@@ -51,17 +67,16 @@ class Blocks:
             **self._life(component),
         )
 
-    def app(self, app: App) -> XMedkitApp:
-        life = self._life(app)
-        beacon: BeaconSummary | None = life.get("beacon")
-        online = beacon is not None and beacon.status == Status.ACTIVE
+    def app(self, app: App, life: Life | None = None, age_sec: float | None = None) -> XMedkitApp:
+        """``life`` if it is known already; ``age_sec`` to be told instead of the beacon's."""
+        life = life or self.life(app)
         return XMedkitApp(
             source=app.source,
-            is_online=app.is_online or online,
+            is_online=app.is_online or (life.beacon is not None and life.beacon.online),
             component_id=app.component_id or None,
             ros2=XMedkitRos2(node=app.bound_fqn) if app.bound_fqn else None,
             external=app.external or None,
-            **life,
+            **self._told(life, age_sec),
         )
 
     def as_app(self, component: Component) -> XMedkitApp:
@@ -98,21 +113,31 @@ class Blocks:
         found = self._roll_ups.get(entity_id) if self.many else None
         return found or self.gateway.directory.roll_up(entity_id)
 
+    def life(self, entity: App | Component) -> Life:
+        """How it is now."""
+        beacon = self.gateway.directory.beacon(entity.id)
+        return Life(
+            beacon,
+            beacon is None and self.gateway.directory.never_heard(entity.id),
+            self.functions_of(entity.id),
+            self.dependencies(entity) if entity.depends_on else {},
+        )
+
     def _life(self, entity: App | Component) -> dict[str, Any]:
-        directory = self.gateway.directory
-        beacon = directory.beacon(entity.id)
-        life: dict[str, Any] = {
-            "functions": self.functions_of(entity.id),
-            **self.dependencies(entity),
-        }
-        if beacon is not None:
-            life["beacon"] = _summary(beacon, self._now_ns)
-        elif directory.never_heard(entity.id):
-            life |= {"expected": True, "never_heard": True}
-        return life
+        return self._told(self.life(entity))
+
+    def _told(self, life: Life, age_sec: float | None = None) -> dict[str, Any]:
+        told: dict[str, Any] = {"functions": life.functions, **life.dependencies}
+        if life.beacon is not None:
+            age_ns = life.beacon.stored.age_ns(self.now_ns)
+            told["beacon"] = _summary(life.beacon, age_ns / 1e9 if age_sec is None else age_sec)
+        elif life.never_heard:
+            told |= {"expected": True, "never_heard": True}
+        return told
 
     @cached_property
-    def _now_ns(self) -> int:
+    def now_ns(self) -> int:
+        """The one moment, on the monotonic clock."""
         return self.gateway.clock.monotonic_ns()
 
     @cached_property
@@ -144,12 +169,12 @@ def process(stored: StoredHint) -> dict[str, Any]:
     }
 
 
-def _summary(beacon: Beacon, now_ns: int) -> BeaconSummary:
+def _summary(beacon: Beacon, age_sec: float) -> BeaconSummary:
     stored = beacon.stored
     return BeaconSummary(
         source=beacon.freshest.source,
         status=stored.status.value,
-        age_sec=stored.age_ns(now_ns) / 1e9,
+        age_sec=age_sec,
         restarts=stored.restarts,
         conflict=beacon.conflict,
         **evidence(stored),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from starlette.routing import BaseRoute
 
 from beacon_gateway.gateway import Gateway
+from beacon_gateway.http.app_lines import AppLines
 from beacon_gateway.http.details import Details
 from beacon_gateway.http.items import Items
 from beacon_gateway.http.lookup import named
@@ -30,7 +31,7 @@ def routes(gateway: Gateway) -> list[BaseRoute]:
     """Lists are made in threads: one of ten thousand keeps nobody waiting."""
     kept = Snapshots(gateway)
     lists = [
-        ("listApps", "/apps", "All apps", AppList, _apps),
+        ("listApps", "/apps", "All apps", AppList, AppLines().listing),
         (
             "listComponents",
             "/components",
@@ -64,12 +65,6 @@ def routes(gateway: Gateway) -> list[BaseRoute]:
         for family, in_thread in ((lists, True), (details, False))
         for name, path, summary, body, handler in family
     ]
-
-
-def _apps(asked: Asked) -> AppList:
-    items = Items.of(asked)
-    apps = [items.app(app) for app in asked.tree.apps.values()]
-    return AppList(items=apps, x_medkit=XMedkitCollection(total_count=len(apps)))
 
 
 def _components(asked: Asked) -> ComponentList:

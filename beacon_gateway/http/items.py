@@ -6,7 +6,7 @@ from typing import Any
 
 import attrs
 
-from beacon_gateway.http.blocks import Blocks
+from beacon_gateway.http.blocks import Blocks, Life
 from beacon_gateway.http.lookup import COLLECTIONS
 from beacon_gateway.http.models.discovery import (
     AppListItem,
@@ -39,8 +39,10 @@ class Items:
     def component(self, component: Component) -> ComponentListItem:
         return ComponentListItem(x_medkit=self.blocks.component(component), **self._head(component))
 
-    def app(self, app: App) -> AppListItem:
-        return AppListItem(x_medkit=self.blocks.app(app), **self._head(app))
+    def app(self, app: App, life: Life | None = None, age_sec: float | None = None) -> AppListItem:
+        """The last two as :meth:`.Blocks.app` takes them."""
+        block = self.blocks.app(app, life, age_sec)
+        return AppListItem(x_medkit=block, **self._head(app))
 
     def function(self, function: Function) -> FunctionListItem:
         return FunctionListItem(x_medkit=self.blocks.function(function), **self._head(function))

@@ -11,13 +11,14 @@ from __future__ import annotations
 import re
 from collections.abc import Awaitable, Callable, Mapping
 from functools import cached_property, partial
-from typing import TypeAlias, TypeVar
+from typing import TypeAlias
 
 import attrs
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.http import errors
@@ -38,7 +39,6 @@ __all__ = [
     "route",
 ]
 
-_T = TypeVar("_T")
 
 API_BASE = "/api/v1"
 """What every path begins with, as clients of ros2_medkit expect."""
@@ -145,16 +145,36 @@ def route(
     async def serve(request: Request) -> Response:
         asked = ask(gateway, operation, request)
         make = partial(_content, handler, asked)
-        if kept is None:
-            content = await _made(make, in_thread=in_thread)
-            return Response(content, operation.status, media_type=JSON)
-        key = (operation.id, asked.base, *asked.params.values())
-        found = kept.get(key)
-        if found is None:
-            found = await _made(partial(kept.make, key, make), in_thread=in_thread)
-        return Response(found, operation.status, media_type=JSON)
+        if kept is not None:
+            make = partial(kept.make, _key(request.scope), make)
+        content = await run_in_threadpool(make) if in_thread else make()
+        return Response(content, operation.status, media_type=JSON)
 
-    return ApiRoute(operation, serve)
+    made = ApiRoute(operation, serve)
+    if kept is not None:
+        made.app = _Keeper(kept, made.app)
+    return made
+
+
+class _Keeper:
+    """Gives what is kept, without the way through the framework; otherwise asks for it."""
+
+    def __init__(self, kept: Snapshots, app: ASGIApp) -> None:
+        self._kept, self._app = kept, app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        content = self._kept.get(_key(scope))
+        if content is None:
+            await self._app(scope, receive, send)
+            return
+        headers = [(b"content-length", b"%d" % len(content)), (b"content-type", JSON.encode())]
+        await send({"type": "http.response.start", "status": 200, "headers": headers})
+        await send({"type": "http.response.body", "body": content})
+
+
+def _key(scope: Scope) -> tuple[object, ...]:
+    """What is kept of one route is kept apart from all others; only these make a difference."""
+    return scope["endpoint"], scope.get("root_path", ""), *scope["path_params"].values()
 
 
 def ask(gateway: Gateway, operation: Operation, request: Request) -> Asked:
@@ -168,7 +188,3 @@ def ask(gateway: Gateway, operation: Operation, request: Request) -> Asked:
 
 def _content(handler: Handler, asked: Asked) -> bytes:
     return to_json(as_plain(handler(asked)))
-
-
-async def _made(make: Callable[[], _T], *, in_thread: bool) -> _T:
-    return await run_in_threadpool(make) if in_thread else make()
