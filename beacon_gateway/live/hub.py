@@ -101,7 +101,7 @@ class Hub:
                 keepalive_at = loop.time() + KEEPALIVE_S
             if due or ending or self.view.ring.last != told:
                 told = self.view.ring.last
-                await self._wake(keepalive=due)
+                await self.wake(keepalive=due)
             if ending:
                 return
             await asyncio.sleep(_LOOK_EVERY_S)
@@ -115,7 +115,8 @@ class Hub:
             _log.exception("the live view could not be brought up to date; trying again")
             await asyncio.sleep(1.0)
 
-    async def _wake(self, *, keepalive: bool) -> None:
+    async def wake(self, *, keepalive: bool = False) -> None:
+        """Let every client look at the ring, in portions."""
         for index, client in enumerate(tuple(self._clients)):
             client.keepalive |= keepalive
             client.woken.set()

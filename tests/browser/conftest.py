@@ -8,7 +8,6 @@ import time
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
-from pathlib import Path
 from typing import Any
 
 import attrs
@@ -23,19 +22,8 @@ from beacon_gateway.gateway import Gateway
 from beacon_gateway.http import create_app
 from beacon_gateway.server import HttpServer
 
-playwright = pytest.importorskip(
-    "playwright.sync_api", reason="a browser is driven with playwright: pip install playwright"
-)
-
 WITHIN_MS = 20_000
 """How long a page may take for anything, on a busy machine."""
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """All that is here starts a browser."""
-    for item in items:
-        if Path(__file__).parent in item.path.parents:
-            item.add_marker(pytest.mark.system)
 
 
 @attrs.define
@@ -142,6 +130,7 @@ def patient_stage() -> Iterator[Stage]:
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     path = shutil.which("chromium-headless-shell") or shutil.which("chromium")
     with playwright.sync_playwright() as tools:
         try:

@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 
+pytestmark = pytest.mark.system
+
 Look = Callable[..., Any]
 Eventually = Callable[[Callable[[], object]], None]
 
@@ -159,8 +161,7 @@ def test_the_drawer_has_all_that_is_known(stage: Any, look: Look, eventually: Ev
     drawer = page.locator("#drawer")
     drawer.get_by_text("As each source has it").wait_for()
     table = drawer.locator("table.sides")
-    eventually(lambda: table.locator("thead th").all_inner_texts()[1:] != [])
-    assert set(table.locator("thead th").all_inner_texts()[1:]) == {"topic", "zenoh"}
+    eventually(lambda: set(table.locator("thead th").all_inner_texts()) == {"topic", "zenoh"})
     differing = table.locator("tr.differs", has_text="display name").inner_text()
     assert "Old lidar" in differing
     assert "Laser scanner 01" in differing
@@ -179,8 +180,8 @@ def test_dependencies_are_a_graph_that_can_be_walked(
     page = look(stage.url + "/#entity=amr_01_safety")
     graph = page.locator("#drawer .graph")
     graph.wait_for()
-    assert graph.locator(".node.missing").inner_text() != ""
-    assert "needs 3" in graph.inner_text()
+    assert "estop" in graph.locator(".node.missing").text_content()
+    assert "needs 3" in graph.text_content()
     graph.locator("a.node", has_text="Laser").click()
     eventually(lambda: page.locator("#drawer-title").inner_text() == "Laser scanner 01")
     graph.get_by_text("needed by 2").wait_for()
@@ -246,17 +247,18 @@ def test_no_word_of_a_robot_is_ever_more_than_text(
         *("process_name", "hostname"),
     )
     words = dict.fromkeys(fields, XSS)
-    hostile = {"metadata": {XSS[:60]: XSS}, **words}
+    hostile = {"metadata": {"note": XSS}, **words}
     stage.announce("evil", robot="one", **hostile)
     stage.announce("evil", robot="two", **{**hostile, "hostname": "x" + XSS})
     stage.announce("evil", source="topic", robot="three", **hostile)
     page = look(stage.url)
+    page.wait_for_selector("#link[data-state=live]")
     stage.gateway.listeners[0].intake.offer(XSS.encode(), XSS)
     page.locator("#events li", has_text="rejected").wait_for()
     eventually(lambda: "conflict" in page.locator("#canvas").inner_text())
     page.locator("#canvas .row").first.click()
     page.locator("#drawer .claims").wait_for()
-    page.locator(".sides th", has_text=XSS[:20]).wait_for()
+    page.locator(".sides tr", has_text="note").wait_for()
     for place in ("#canvas", "#drawer", "#drawer-title"):
         assert XSS[:30] in page.locator(place).first.inner_text()
     assert page.evaluate("window.hacked") is None
@@ -354,7 +356,7 @@ def test_ten_thousand_rows_scroll_smoothly(
     assert frames[60] < 34, f"half of the frames take more than {frames[60]:.0f} ms"
     page.evaluate("document.getElementById('grid').scrollTop = 1e9")
     eventually(lambda: rows(page)[-1] == "Entity 09999")
-    page.fill("#filter", "entity 04")
+    page.fill("#filter", "entity e04")
     eventually(lambda: page.locator("#shown").inner_text() == "1,000 of 10,000")
 
 

@@ -25,7 +25,7 @@ function status(name) {
 
 /** One line for each field, one column for each source; what differs is marked. */
 function sideBySide(sources, names, ages) {
-  const head = element('tr', '', element('th', '', ''), ...sources.map((one) => element('th', '', one.source)));
+  const head = element('tr', '', element('td'), ...sources.map((one) => element('th', '', one.source)));
   const line = (name, values, texts) => {
     if (!texts.some(Boolean)) return null;
     const differs = new Set(texts).size > 1;
@@ -121,15 +121,18 @@ export class Drawer {
       this.detail.replaceChildren(element('p', 'gone', 'Nobody holds this entity any more: it has expired, or was never heard.'));
       return;
     }
+    // By name: which of several was heard last changes with every word.
+    row.sources.sort((a, b) => (a.source < b.source ? -1 : 1));
     for (const one of row.sources) one.firstMs = Date.parse(timestamp) - one.first_seen_sec * 1000;
     row.heard = row.sources.map((one) => this.model.heard(one, timestamp));
     this.row = row;
-    const needs = row.sources[0].hint.depends_on;
+    const needs = [...new Set(row.sources.flatMap((one) => one.hint.depends_on))];
     const neededBy = this.model.dependents(row.entity_id);
     const around = [...needs, ...neededBy].map((id) => this.model.rows.get(id)?.status);
     // Whatever rises by itself is no reason to build it anew: a reader would lose the place.
     const ageless = (key, value) => (key === 'age_sec' || key === 'first_seen_sec' || key === 'heard' || key === 'firstMs' ? 0 : value);
-    const gist = JSON.stringify([row, neededBy, around], ageless);
+    const { status, conflict, restarts, sources, claims } = row;
+    const gist = JSON.stringify([status, conflict, restarts, sources, claims, neededBy, around], ageless);
     if (gist !== this.drawn) this.build(row, needs, neededBy);
     this.drawn = gist;
     this.tick();

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import datetime as dt
 import ipaddress
+import resource
 import socket
 import ssl
 import threading
@@ -25,7 +27,7 @@ from starlette.routing import Route
 from beacon_core.errors import ConfigError
 from beacon_gateway import guard
 from beacon_gateway.access.options import TlsConfig
-from beacon_gateway.server import BindError, HttpServer, free_port
+from beacon_gateway.server import BindError, HttpServer, allow_connections, free_port
 from beacon_gateway.tls import renew, server_context
 
 
@@ -61,6 +63,41 @@ def test_an_open_connection_does_not_hold_up_the_end() -> None:
             thread.join(5)
             assert time.monotonic() - began < 3
             assert not thread.is_alive()
+
+
+def test_who_must_end_answers_is_told_before_they_are_waited_for() -> None:
+    stopping = threading.Event()
+
+    async def until_told(_: Request) -> PlainTextResponse:
+        # The event is of threads: nothing here can wait for it.
+        while not stopping.is_set():  # noqa: ASYNC110
+            await asyncio.sleep(0.01)
+        return PlainTextResponse("ended in order")
+
+    app = Starlette(routes=[Route("/", until_told)])
+    with closing(HttpServer("127.0.0.1", 0)) as server:
+        serving = threading.Thread(
+            target=server.serve, args=(app,), kwargs={"at_stop": stopping.set}
+        )
+        serving.start()
+        timer = threading.Timer(0.2, server.stop)
+        timer.start()
+        assert httpx.get(server.url).text == "ended in order"
+        serving.join(5)
+        timer.join()
+
+
+def test_room_is_made_for_connections_as_far_as_the_system_allows() -> None:
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    soft = min(before[1], 1500)
+    try:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, before[1]))
+        allow_connections(10)
+        assert resource.getrlimit(resource.RLIMIT_NOFILE)[0] == soft
+        allow_connections(10**9)
+        assert resource.getrlimit(resource.RLIMIT_NOFILE) == (before[1], before[1])
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
 
 
 def test_stopped_before_it_serves_it_does_not_serve() -> None:
