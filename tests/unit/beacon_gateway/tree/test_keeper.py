@@ -120,6 +120,12 @@ def test_a_hint_may_be_about_the_host() -> None:
     assert house.tree.apps == {}
 
 
+def test_a_host_that_only_a_hint_is_about_is_in_its_area_too() -> None:
+    house = House(areas=[Area("hall")])
+    house.hear("host")
+    assert house.tree.components["host"].area == "unplaced"
+
+
 def test_a_hint_may_place_its_app_on_the_host() -> None:
     house = House()
     house.hear("a", component_id="host")
@@ -262,6 +268,18 @@ def test_a_beacon_is_believed_more_than_a_node() -> None:
     house.hear("a")
     house.clock.advance(10 * 10**9)
     assert house.keeper.roll_up("a").reason == "a is stale: it is silent"
+
+
+def test_who_was_lost_on_one_source_is_there_again_once_another_one_hears_it() -> None:
+    house = House(App("a"), stores=2)
+    for store in (0, 1):
+        house.hear("a", store)
+    house.clock.advance(10**9)
+    house.stores[0].lost("a", source="robot", reason="link down")
+    assert house.keeper.roll_up("a").reason == "a is stale: link down"
+    house.clock.advance(10**9)
+    house.hear("a", 1)
+    assert house.keeper.roll_up("a").active
 
 
 def test_roll_ups_are_worked_out_once_for_each_change() -> None:

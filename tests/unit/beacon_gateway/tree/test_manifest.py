@@ -280,6 +280,15 @@ def test_two_ways_to_one_place_are_no_circle() -> None:
     assert doubts(apps=apps) == []
 
 
+def test_however_many_ways_there_are_each_app_is_looked_at_once() -> None:
+    apps = [
+        {"id": f"{side}{n}", "depends_on": [f"a{n + 1}", f"b{n + 1}"]}
+        for n in range(50)
+        for side in "ab"
+    ]
+    assert doubts(apps=[*apps, {"id": "a50"}, {"id": "b50"}]) == []
+
+
 def test_a_chain_of_ten_thousand_is_no_circle_and_no_problem() -> None:
     apps = [{"id": f"a{n}", "depends_on": [f"a{n + 1}"]} for n in range(10_000)]
     assert doubts(apps=[*apps, {"id": "a10000"}]) == []

@@ -459,6 +459,15 @@ def test_what_is_said_in_vain_leaves_the_tree_the_same_object() -> None:
     assert (first.enriched, third.enriched) == (1, 0)
 
 
+def test_a_layer_that_counts_for_more_now_is_merged_anew() -> None:
+    node = runtime(App("a", "node"))
+    known = manifest(App("a", "Name"))
+    weak = attrs.evolve(known, policies=DEMOTED)
+    kept = IncrementalMerge()
+    assert kept.merge((node, weak)).tree.apps["a"].name == "node"
+    assert kept.merge((node, known)).tree.apps["a"].name == "Name"
+
+
 def test_each_entity_is_finished_once_it_is_folded() -> None:
     def shout(entity: Entity) -> Entity:
         return attrs.evolve(entity, name=entity.name.upper())
