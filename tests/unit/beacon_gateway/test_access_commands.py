@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+import logging
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,16 @@ if TYPE_CHECKING:
 
 Capture = pytest.CaptureFixture[str]
 Serve = Callable[["Plant"], str]
+
+
+@pytest.fixture(autouse=True)
+def _restored() -> Iterator[None]:
+    """The command sets up logging for its process, which is that of all tests here."""
+    root = logging.getLogger()
+    level, handlers = root.level, root.handlers[:]
+    yield
+    root.setLevel(level)
+    root.handlers[:] = handlers
 
 
 def beacon(*arguments: object) -> int:

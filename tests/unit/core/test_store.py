@@ -1,8 +1,9 @@
 """The store: words kept, changes told, the short way, and all of it from several threads.
 
 What time does is in test_store_time.py, goodbyes and losses in test_store_departures.py, rival
-claims in test_store_claims.py, full stores in test_store_room.py, what was known before a restart in
-test_store_restore.py, and what the C++ system does in test_store_vectors.py. This file holds some of each.
+claims in test_store_claims.py, full stores in test_store_room.py, what was known before a restart
+in test_store_restore.py, and what the C++ system does in test_store_vectors.py. This file holds
+some of each.
 """
 
 from __future__ import annotations
