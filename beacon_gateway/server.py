@@ -24,6 +24,10 @@ _UNREAD_S = 30
 """A client that takes nothing of an answer for so long is cut off by the kernel, and with it one
 that is not there any more: a server could not get rid of what it has already handed over."""
 
+_SEND_BUFFER = 256 * 1024
+"""What the kernel keeps, twice over, of an answer that is not read. By itself it would keep 4 MB:
+8 GB for two thousand streams. At 1 Gbit/s this is enough for a client that is 2 ms away."""
+
 _BACKLOG = 1024
 """Clients that may connect at once, such as a thousand streams after a restart."""
 
@@ -136,6 +140,7 @@ def _bind(host: str, port: int) -> socket.socket:
     try:
         bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         bound.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _UNREAD_S * 1000)
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
         bound.bind(address)
         bound.listen(_BACKLOG)
     except OSError as error:

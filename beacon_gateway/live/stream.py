@@ -61,6 +61,8 @@ class EventStream(Response):
             await self._follow(client, send)
         except TimeoutError:
             self._drop(f"it took nothing for {STUCK_S:g} s")
+            # The kernel is about to end it; before that no server gets rid of what it has sent.
+            await asyncio.wait({leaving}, timeout=STUCK_S)
         except asyncio.CancelledError:
             # A server that has no patience left; a client should still be told.
             with suppress(Exception):
