@@ -34,7 +34,6 @@ from beacon_gateway.http.operations import API_BASE, ApiRoute
 __all__ = ["create_app"]
 
 _FAMILIES = (
-    beacons.routes,  # asked most often, so looked at first
     discovery.routes,
     relations.routes,
     data.routes,
@@ -69,13 +68,15 @@ def create_app(gateway: Gateway, access: Access | None = None) -> Starlette:
 
 
 def _routes(gateway: Gateway) -> list[BaseRoute]:
+    # Asked most often, so looked at first.
+    hot = beacons.routes(gateway)
     families = list(chain.from_iterable(family(gateway) for family in _FAMILIES))
-    operations = [one.operation for one in families if isinstance(one, ApiRoute)]
+    operations = [one.operation for one in [*families, *hot] if isinstance(one, ApiRoute)]
     endpoints = [f"{one.method} {API_BASE}{one.path}" for one in operations]
     overview = server.overview_route(gateway, [*endpoints, *docs.ENDPOINTS])
     described = [*operations, overview.operation]
     # The document comes before the entities: /apps/docs is about apps, not one of them.
-    return [*docs.routes(gateway, described), *families, overview, *metrics.routes(gateway)]
+    return [*hot, *docs.routes(gateway, described), *families, overview, *metrics.routes(gateway)]
 
 
 def _refuse(_: Request, error: Exception) -> Response:
