@@ -27,6 +27,9 @@ _MAX_DEPENDS_ON = 16
 """Ids in a row. A hint may name 100, of 256 bytes each: nobody should get 25 kB because somebody
 changed its name."""
 
+_KNOWN = "manifest"
+"""The source of an entity that was there before anything was heard."""
+
 _COLLECTIONS = {"App": "apps", "Component": "components"}
 """By the kind of an entity; hints are about these two."""
 
@@ -141,6 +144,22 @@ class Writer:
                 "max_hints": configured[listener.name].max_hints,
             }
             for listener in self._gateway.listeners
+        ]
+
+    def expected(self) -> list[_Body]:
+        """The apps that are known beforehand, heard or not: one who is missing should be missed.
+
+        Not the components: few of them have a voice of their own.
+        """
+        return [
+            {
+                "entity_id": entity.id,
+                **self._place(entity.id),
+                **({"display_name": entity.name} if entity.name else {}),
+                "depends_on": list(entity.depends_on[:_MAX_DEPENDS_ON]),
+            }
+            for entity in self._gateway.directory.tree().apps.values()
+            if entity.source == _KNOWN
         ]
 
     def timestamp(self) -> str:

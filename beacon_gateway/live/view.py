@@ -122,6 +122,7 @@ class LiveView:
             "revision": revision,
             "timestamp": self.writer.timestamp(),
             "sources": self.writer.sources(),
+            "expected": self.writer.expected(),
             "items": [self.writer.row(*self._aged(*one)) for one in beacons],
         }
         return Snapshot(number, at_ns, sse("snapshot", encoded(body), revision))

@@ -77,7 +77,7 @@ class Stage:
 
 
 @contextmanager
-def staged(**settings: Any) -> Iterator[Stage]:
+def staged(entities: dict[str, Any] | None = None, **settings: Any) -> Iterator[Stage]:
     clock, run, stop = SystemClock(), uuid.uuid4().hex, threading.Event()
     networks = {name: FakeNetwork(clock) for name in ("topic", "zenoh")}
     for name, network in networks.items():
@@ -91,7 +91,10 @@ def staged(**settings: Any) -> Iterator[Stage]:
         for name, adapter in (("topic", "ros_topic"), ("zenoh", "zenoh"))
     }
     gateway = Gateway(
-        parse_config({"sources": documents, "log_level": "error"}, lookup).config, lookup=lookup
+        parse_config(
+            {"sources": documents, "entities": entities or {}, "log_level": "error"}, lookup
+        ).config,
+        lookup=lookup,
     )
     gateway.start()
 
@@ -118,6 +121,22 @@ def staged(**settings: Any) -> Iterator[Stage]:
 @pytest.fixture
 def stage() -> Iterator[Stage]:
     with staged(ttl_s=3.0, expiry_s=12.0) as made:
+        yield made
+
+
+@pytest.fixture
+def expecting_stage() -> Iterator[Stage]:
+    """One that knows beforehand of an app ``crane``."""
+    entities = {"apps": [{"id": "crane", "name": "Overhead crane"}]}
+    with staged(entities, ttl_s=1.0, expiry_s=3.0) as made:
+        yield made
+
+
+@pytest.fixture
+def pictured_stage() -> Iterator[Stage]:
+    """One where something is missing."""
+    entities = {"apps": [{"id": "charger_02", "name": "Charging dock 02"}]}
+    with staged(entities, ttl_s=3.0, expiry_s=12.0) as made:
         yield made
 
 

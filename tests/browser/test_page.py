@@ -108,6 +108,22 @@ def test_what_happens_shows_without_reloading(
         assert kind in kinds
 
 
+def test_who_should_be_there_and_is_not_is_missed(
+    expecting_stage: Any, look: Look, eventually: Eventually
+) -> None:
+    page = look(expecting_stage.url)
+    crane = row(page, "Overhead crane")
+    eventually(lambda: "not heard" in crane.inner_text())
+    assert page.locator(".tile[data-status=expected] b").inner_text() == "1"
+    expecting_stage.announce("crane", display_name="Overhead crane")
+    eventually(lambda: "active" in crane.inner_text())
+    expecting_stage.crash("r")
+    page.locator("#events li", has_text="expired").wait_for()
+    eventually(lambda: "not heard" in crane.inner_text())
+    crane.click()
+    page.get_by_text("Nothing is heard of this entity").wait_for()
+
+
 def test_ages_of_the_living_are_those_of_their_last_word(
     stage: Any, look: Look, eventually: Eventually
 ) -> None:
@@ -376,7 +392,8 @@ def test_a_phone_shows_it_in_parts(stage: Any, look: Look, eventually: Eventuall
 
 
 @pytest.mark.skipif(not IMAGES, reason="pictures are taken when BEACON_IMAGES names a folder")
-def test_pictures(stage: Any, look: Look, eventually: Eventually) -> None:
+def test_pictures(pictured_stage: Any, look: Look, eventually: Eventually) -> None:
+    stage = pictured_stage
     fleet(stage, robots=9)
     pages = {
         "live-light": look(stage.url, color_scheme="light"),
@@ -385,7 +402,7 @@ def test_pictures(stage: Any, look: Look, eventually: Eventually) -> None:
         "live-wall": look(stage.url, color_scheme="dark", viewport={"width": 2560, "height": 1440}),
     }
     for page in pages.values():
-        page.locator("#shown", has_text="54").wait_for()
+        page.locator("#shown", has_text="55").wait_for()
     stage.announce(
         "amr_03_lidar",
         source="topic",

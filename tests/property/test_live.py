@@ -142,6 +142,17 @@ class Machine(RuleBasedStateMachine):
                 self.networks[source].send(message)
             self.networks[source].run_until_idle()
 
+    @rule(one=sources, other=sources, entity_id=entity_ids, speaker=st.integers(0, 1))
+    def outlive(self, one: str, other: str, entity_id: str, speaker: int) -> None:
+        """Two sources hear it, one sees it go, the other hears it still."""
+        self.announce(one, entity_id, {}, speaker)
+        self.wait(0.05)
+        self.announce(other, entity_id, {}, speaker)
+        self.crash(other, speaker)
+        self.look()
+        self.wait(0.05)
+        self.repeat(one, speaker)
+
     @rule(source=sources, entity_id=entity_ids, speaker=st.integers(0, 1))
     def withdraw(self, source: str, entity_id: str, speaker: int) -> None:
         if (source, speaker) in self.announcers:

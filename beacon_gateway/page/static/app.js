@@ -1,6 +1,6 @@
 // The page: one stream of events, and what is in view asked for once a second.
 
-import { count, duration, say } from './dom.js';
+import { counter, duration, say } from './dom.js';
 import { Drawer } from './drawer.js';
 import { Model } from './model.js';
 import { Events, Sources } from './side.js';
@@ -94,9 +94,9 @@ function drawChanges() {
   changed = false;
   const tally = model.tally();
   for (const [name, number] of Object.entries(tally)) {
-    say(document.querySelector(`.tile[data-status="${name}"] b`), count(number));
+    counter(document.querySelector(`.tile[data-status="${name}"] b`), number);
   }
-  const bad = tally.stale + tally.conflict;
+  const bad = tally.stale + tally.conflict + tally.expected;
   document.title = bad ? `(${bad}) Beacon` : 'Beacon';
   table.update();
   events.draw();

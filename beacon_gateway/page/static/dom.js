@@ -23,6 +23,7 @@ export function say(node, text) {
 
 /** Seconds, as short as they are worth. */
 export function duration(seconds) {
+  if (Number.isNaN(seconds)) return '–';
   if (seconds < 9.95) return `${Math.max(0, seconds).toFixed(1)} s`;
   if (seconds < 99.5) return `${Math.round(seconds)} s`;
   if (seconds < 3600) return `${Math.floor(seconds / 60)} min ${Math.floor(seconds % 60)} s`;
@@ -35,6 +36,12 @@ const counts = new Intl.NumberFormat('en');
 
 /** A count, with its thousands apart. */
 export const count = (number) => counts.format(number);
+
+/** A counter on the page; one of nothing stands back. */
+export function counter(node, number) {
+  say(node, count(number));
+  node.classList.toggle('none', number === 0);
+}
 
 /** The address of an entity on this page. */
 export const hashOf = (entityId) => `#entity=${encodeURIComponent(entityId)}`;

@@ -118,7 +118,7 @@ export class Drawer {
   draw(row, timestamp) {
     if (!row) {
       this.drawn = '';
-      this.detail.replaceChildren(element('p', 'gone', 'Nobody holds this entity any more: it has expired, or was never heard.'));
+      this.detail.replaceChildren(element('p', 'gone', 'Nothing is heard of this entity: it has expired, or was never heard.'));
       return;
     }
     // By name: which of several was heard last changes with every word.

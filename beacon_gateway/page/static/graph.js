@@ -12,10 +12,11 @@ const short = (text) => (text.length > 17 ? `${text.slice(0, 16)}…` : text);
 
 function box(model, entityId, x, y, chosen) {
   const row = model.rows.get(entityId);
-  const status = row ? (row.conflict ? 'conflict' : row.status) : 'missing';
+  const heard = row && row.status !== 'expected';
+  const status = heard ? (row.conflict ? 'conflict' : row.status) : 'missing';
   const name = row?.display_name || entityId;
   const title = drawn('title', {});
-  title.textContent = `${name} (${entityId}): ${row ? status : 'not heard'}`;
+  title.textContent = `${name} (${entityId}): ${heard ? status : 'not heard'}`;
   const text = drawn('text', { x: x + WIDE / 2, y: y + HIGH / 2 + 4, 'text-anchor': 'middle' });
   text.textContent = short(name);
   const parts = [title, drawn('rect', { x, y, width: WIDE, height: HIGH, rx: 6 }), text];

@@ -1,6 +1,6 @@
 // What has happened, and how the sources are doing.
 
-import { count, element, hashOf, say } from './dom.js';
+import { count, counter, element, hashOf, say } from './dom.js';
 
 const KEPT = 200;
 const BAD = ['too-large', 'malformed', 'invalid', 'fault'];
@@ -82,7 +82,7 @@ export class Sources {
       this.item(source, this.rate(source.name, heard, now.at), room);
     }
     this.before = now;
-    for (const name of ['expired', 'rejected', 'limited']) say(this.tiles[name], count(totals[name]));
+    for (const name of ['expired', 'rejected', 'limited']) counter(this.tiles[name], totals[name]);
     say(this.tiles.fillText, `${count(totals.held)} / ${count(totals.room)}`);
     this.tiles.fill.style.setProperty('--age', `${(100 * totals.held) / Math.max(1, totals.room)}%`);
   }

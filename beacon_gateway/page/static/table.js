@@ -1,12 +1,14 @@
 // The table. Only the rows in view exist: ten thousand scroll as ten do.
 
 import { element, hashOf, say, duration, count } from './dom.js';
+import { STATUS } from './model.js';
 
 const SPARE = 6; // rows kept ready above and below
 const TTL_AT = 50; // where on the age bar the time to live ends, in percent; at 100 is the expiry
 
 /** How far along its bar an age is. */
 export function along(age, ttl, expiry) {
+  if (Number.isNaN(age)) return 0;
   if (age <= ttl) return (TTL_AT * age) / ttl;
   return Math.min(100, TTL_AT + ((100 - TTL_AT) * (age - ttl)) / Math.max(expiry - ttl, 0.001));
 }
@@ -129,7 +131,7 @@ export class Table {
     node.setAttribute('aria-selected', row.entity_id === this.chosen);
     const flashed = this.flashed.get(row.entity_id) ?? 0;
     node.classList.toggle('flash', Date.now() - flashed < 1500);
-    say(one.status, row.conflict ? 'conflict' : row.status);
+    say(one.status, row.conflict ? 'conflict' : (STATUS[row.status] ?? row.status));
     one.status.dataset.status = node.dataset.status;
     say(one.name, row.display_name || row.entity_id);
     say(one.id, row.display_name ? row.entity_id : '');

@@ -133,6 +133,29 @@ def test_first_comes_everything_then_each_change(plant: Plant) -> None:
     asyncio.run(scene())
 
 
+def test_apps_that_are_known_beforehand_are_named_heard_or_not(
+    make_plant: Callable[..., Plant],
+) -> None:
+    async def scene() -> None:
+        known = [{"id": "planner", "name": "Planner"}, {"id": "arm"}]
+        plant = make_plant(entities={"apps": known, "components": [{"id": "ecu"}]})
+        plant.announce("arm")
+        plant.announce("stranger")
+        async with reading(hub_of(plant)) as reader:
+            snapshot = await reader.event("snapshot")
+            expected = {one["entity_id"]: one for one in snapshot["expected"]}
+            assert expected.keys() == {"planner", "arm"}
+            assert expected["planner"] == {
+                "entity_id": "planner",
+                "type": "app",
+                "href": "/api/v1/apps/planner",
+                "display_name": "Planner",
+                "depends_on": [],
+            }
+
+    asyncio.run(scene())
+
+
 def test_the_whole_life_of_an_entity_is_told(plant: Plant) -> None:
     async def scene() -> None:
         async with reading(hub_of(plant)) as reader:
