@@ -37,6 +37,8 @@ class Rules:
     limiter: RateLimiter
     auth: Auth | None
     max_body_bytes: int
+    let_everything_pass: bool
+    """Nothing is configured, as by default: there is nothing to check."""
 
     def check(self, asked: Asked, headers: Headers) -> Refusal | None:
         """Adds to the answer's headers; ``None``: let it pass."""
@@ -72,7 +74,15 @@ class Access:
 
     def _made(self, config: HttpConfig, limiter: RateLimiter) -> Rules:
         auth = None if config.auth is None else self._auth(config.auth)
-        return Rules(Cors(config.cors), limiter, auth, config.max_body_bytes)
+        return Rules(
+            Cors(config.cors),
+            limiter,
+            auth,
+            config.max_body_bytes,
+            let_everything_pass=not (
+                auth or config.cors.allowed_origins or config.rate_limit.enabled
+            ),
+        )
 
     def _auth(self, config: AuthConfig) -> Auth:
         try:

@@ -39,6 +39,11 @@ _HTML = (
 )
 
 _BODYLESS = frozenset({"GET", "HEAD", "OPTIONS"})
+_SAY_BODY = frozenset({b"content-length", b"transfer-encoding"})
+
+_TOO_MUCH_SAID = Refusal(
+    431, "invalid-request", "Request header fields too large", {"max_bytes": MAX_HEADER_BYTES}
+)
 
 
 class AccessControl:
@@ -51,24 +56,29 @@ class AccessControl:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
+        rules = self._access.rules
         headers: list[tuple[bytes, bytes]] = [*_ALWAYS]
-        rules, asked = self._access.rules, Asked.of(scope)
-        refusal = _too_much_said(scope) or rules.check(asked, headers)
+        size, has_body = _head(scope)
+        refusal = _TOO_MUCH_SAID if size > MAX_HEADER_BYTES else None
+        if refusal is None and not rules.let_everything_pass:
+            refusal = rules.check(Asked.of(scope), headers)
         if refusal is not None:
             await refusal.send(send, headers)
             return
         answer = _Answer(send, headers)
-        if asked.method in _BODYLESS and b"content-length" not in asked.headers:
+        if has_body:
+            await self._with_body(scope, _Body(receive, rules.max_body_bytes), answer)
+        else:
             await self._app(scope, receive, answer.send)
-            return
-        body = _Body(receive, rules.max_body_bytes)
+
+    async def _with_body(self, scope: Scope, body: _Body, answer: _Answer) -> None:
         try:
-            body.expect(asked.header(b"content-length"))
+            body.expect(dict(scope["headers"]).get(b"content-length", b""))
             await self._app(scope, body.receive, answer.send)
         except _Refused as refused:
             if answer.begun:
                 raise
-            await refused.refusal.send(send, [*headers, (b"connection", b"close")])
+            await answer.refuse(refused.refusal)
 
 
 class _Refused(Exception):  # noqa: N818 - an answer, not a fault
@@ -80,19 +90,25 @@ class _Refused(Exception):  # noqa: N818 - an answer, not a fault
 class _Answer:
     """Adds headers to an answer on its way out."""
 
+    __slots__ = ("_headers", "_send", "begun")
+
     def __init__(self, send: Send, headers: list[tuple[bytes, bytes]]) -> None:
         self._send, self._headers = send, headers
         self.begun = False
 
     async def send(self, message: Message) -> None:
-        if message["type"] == "http.response.start":
+        if not self.begun:
             self.begun = True
             given = dict(message["headers"])
             if given.get(b"content-type", b"").startswith(b"text/html"):
                 self._headers += _HTML
-            more = [(name, value) for name, value in self._headers if name not in given]
-            message = {**message, "headers": [*message["headers"], *more]}
+            # What a route says for itself stands.
+            more = [one for one in self._headers if one[0] not in given]
+            message["headers"] = [*message["headers"], *more]
         await self._send(message)
+
+    async def refuse(self, refusal: Refusal) -> None:
+        await refusal.send(self._send, [*self._headers, (b"connection", b"close")])
 
 
 class _Body:
@@ -102,7 +118,7 @@ class _Body:
         self._receive, self._left, self._at_most = receive, at_most, at_most
         self._whole = False
 
-    def expect(self, content_length: str) -> None:
+    def expect(self, content_length: bytes) -> None:
         """Refuse at once what says that it is too large."""
         if content_length.isdigit() and int(content_length) > self._at_most:
             raise self._too_large()
@@ -127,9 +143,12 @@ class _Body:
         return _Refused(Refusal(413, "invalid-request", "Request body too large", limit))
 
 
-def _too_much_said(scope: Scope) -> Refusal | None:
-    size = sum(len(name) + len(value) for name, value in scope["headers"])
-    if size + len(scope.get("query_string", b"")) + len(scope["path"]) <= MAX_HEADER_BYTES:
-        return None
-    limit = {"max_bytes": MAX_HEADER_BYTES}
-    return Refusal(431, "invalid-request", "Request header fields too large", limit)
+def _head(scope: Scope) -> tuple[int, bool]:
+    """How many bytes the head has, and whether it announces a body."""
+    size, has_body = len(scope["path"]) + len(scope.get("query_string", b"")), False
+    # One plain loop: this runs for every request.
+    for name, value in scope["headers"]:
+        size += len(name) + len(value)
+        if name in _SAY_BODY:
+            has_body = True
+    return size, has_body or scope["method"] not in _BODYLESS

@@ -595,6 +595,27 @@ def test_what_is_put_in_force_keeps_what_was_revoked(issuing: Doorman, key_file:
 # bodies and headers
 
 
+def test_an_answer_that_has_begun_is_not_answered_again() -> None:
+    async def hasty(_: Scope, receive: Receive, send: Send) -> None:
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+        while True:
+            await receive()
+
+    async def too_much() -> AsyncIterator[bytes]:
+        for _ in range(100):
+            yield b"x" * 100
+
+    async def pour() -> None:
+        app = AccessControl(hasty, Access(HttpConfig(max_body_bytes=1024)))
+        async with httpx.AsyncClient(
+            transport=httpx.ASGITransport(app), base_url="http://gateway"
+        ) as client:
+            await client.post("/", content=too_much())
+
+    with pytest.raises(Exception, match="Request body too large"):
+        asyncio.run(pour())
+
+
 @pytest.mark.parametrize("chunked", [False, True])
 def test_a_body_that_is_too_large_is_refused_unread(
     doorman: Callable[..., Doorman],

@@ -53,3 +53,9 @@ def test_text_is_for_people(capsys: Capture) -> None:
     set_up_logging(LogLevel.DEBUG)
     logging.getLogger("a").debug("hello")
     assert capsys.readouterr().err.endswith(" DEBUG   a: hello\n")
+
+
+def test_what_strangers_send_fills_no_log(capsys: Capture) -> None:
+    set_up_logging(LogLevel.DEBUG)
+    logging.getLogger("uvicorn.error").warning("Invalid HTTP request received.")
+    assert capsys.readouterr().err == ""

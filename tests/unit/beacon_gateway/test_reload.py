@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import ssl
+import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -18,6 +20,7 @@ import pytest
 from beacon_core.errors import ConfigError
 from beacon_gateway.access.access import Access
 from beacon_gateway.access.api_tokens import ApiToken, Identity
+from beacon_gateway.access.options import TlsConfig
 from beacon_gateway.access.roles import Role
 from beacon_gateway.access.secrets import hash_token
 from beacon_gateway.config import Config, Loaded, load_config
@@ -25,6 +28,7 @@ from beacon_gateway.console.signals import on_reload_signal
 from beacon_gateway.http import create_app
 from beacon_gateway.reload import Reload
 from beacon_gateway.server import HttpServer
+from beacon_gateway.tls import server_context
 
 if TYPE_CHECKING:
     from tests.unit.beacon_gateway.conftest import Plant, PlantMaker
@@ -170,6 +174,44 @@ def test_taking_away_the_tokens_of_an_open_gateway_is_refused(running: Running) 
     gateway.config = attrs.evolve(gateway.config, http=open_http)
     assert running.again("{port: 0, host: 0.0.0.0, allow_insecure: true}")
     assert not running.again("{port: 0, host: 0.0.0.0}")
+
+
+def certificate(folder: Path) -> None:
+    command = "openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -days 2"
+    command += " -subj /CN=x -addext subjectAltName=IP:127.0.0.1 -keyout key.pem -out cert.pem"
+    subprocess.run(command.split(), cwd=folder, check=True, capture_output=True)
+
+
+def test_a_renewed_certificate_is_shown_and_a_bad_one_is_not(
+    make_plant: PlantMaker, tmp_path: Path
+) -> None:
+    certificate(tmp_path)
+    tls = TlsConfig(tmp_path / "cert.pem", tmp_path / "key.pem")
+    plant = make_plant(http={"tls": {"certificate": str(tls.certificate), "key": str(tls.key)}})
+    loaded = Loaded(plant.gateway.config)
+    access = Access(loaded.config.http)
+    with closing(HttpServer("127.0.0.1", 0, server_context(tls))) as server:
+        thread = threading.Thread(target=server.serve, args=(create_app(plant.gateway, access),))
+        thread.start()
+        reload = Reload(lambda: loaded, plant.gateway, access, server, lambda _: None)
+
+        def shown() -> int:
+            trusted = ssl.create_default_context(cafile=tls.certificate)
+            return httpx.get(f"{server.url}/livez", verify=trusted).status_code
+
+        assert shown() == 200
+        certificate(tmp_path)
+        with pytest.raises(httpx.ConnectError):
+            shown()
+        assert reload()
+        assert shown() == 200
+        before = tls.certificate.read_bytes()
+        tls.certificate.write_text("no certificate")
+        assert not reload()
+        tls.certificate.write_bytes(before)
+        assert shown() == 200
+        server.stop()
+        thread.join(5)
 
 
 def test_nodes_to_ask_are_told_to_the_sources(

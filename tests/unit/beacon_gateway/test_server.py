@@ -262,6 +262,14 @@ def test_files_that_are_no_certificate_and_key_are_one_sentence(tmp_path: Path) 
         server_context(TlsConfig(mine.certificate, tmp_path / "nowhere"))
     with pytest.raises(ConfigError, match="are no certificate and its key"):
         server_context(TlsConfig(mine.certificate, foreign.key))
+    locked = ec.generate_private_key(ec.SECP256R1()).private_bytes(
+        serialization.Encoding.PEM,
+        serialization.PrivateFormat.PKCS8,
+        serialization.BestAvailableEncryption(b"password"),
+    )
+    mine.key.write_bytes(locked)
+    with pytest.raises(ConfigError, match="without a password: the key has a password"):
+        server_context(mine)
     mine.key.write_text("no key")
     with pytest.raises(ConfigError, match="are no certificate and its key"):
         server_context(mine)
