@@ -143,6 +143,11 @@ class SessionKeeper:
         return bool(self._links)
 
     @property
+    def closed(self) -> bool:
+        """Has :meth:`close` been called?"""
+        return self._closing
+
+    @property
     def forked(self) -> bool:
         """Is this a child of the process that made it? Then nothing works, and no lock may be
         taken: the thread that held it may not exist here."""

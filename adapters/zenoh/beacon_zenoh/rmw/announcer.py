@@ -82,7 +82,7 @@ class RmwTopicAnnouncer(Spokesman[Voice]):
         not above 0, and, in the modes that listen, when that is impossible."""
         super().__init__(rmw_session_config(options), period_s, encode=cdr.encode, voice=Voice)
         self._options = options
-        self._name = f"beacon_announcer_{secrets.token_hex(4)}"
+        self._name = f"_beacon_announcer_{secrets.token_hex(4)}"
         self._stands: list[_Stand] = []
         self._questions: deque[tuple[_Stand, zenoh.Query]] = deque()
         self._keeper.start()

@@ -17,7 +17,7 @@ from beacon_zenoh.visit import ANSWER_S, LOOK_AGAIN_S, channel, listed, visit
 
 __all__ = ["domain_findings", "examine", "members"]
 
-_OURS = "beacon_gateway_"
+_OURS = "_beacon_gateway_"
 """How the nodes of gateways are called: they are no robots."""
 
 

@@ -51,6 +51,7 @@ class Graph:
         self._members: dict[str, Member] = {}
         self._of_node: defaultdict[NodeKey, dict[str, Member]] = defaultdict(dict)
         self._nodes: dict[NodeKey, Member] = {}
+        self._names: frozenset[str] | None = frozenset()
         self._doubted: set[str] = set()
 
     def __len__(self) -> int:
@@ -77,6 +78,7 @@ class Graph:
             self._members[key] = member
             if member.kind is Kind.NODE:
                 self._nodes[member.node_key] = member
+                self._names = None
             else:
                 self._of_node[member.node_key][key] = member
             return member
@@ -117,6 +119,13 @@ class Graph:
             ]
         return sorted(found, key=lambda view: (view.node.domain, view.node.node_name))
 
+    def names(self) -> frozenset[str]:
+        """The full names of all nodes. Without a change it is the same object."""
+        with self._lock:
+            if self._names is None:
+                self._names = frozenset(one.node_name for one in self._nodes.values())
+            return self._names
+
     def size(self) -> int:
         """How many nodes there are."""
         return len(self._nodes)
@@ -131,6 +140,7 @@ class Graph:
         self._doubted.discard(key)
         if member.kind is Kind.NODE:
             self._nodes.pop(member.node_key, None)
+            self._names = None
         else:
             theirs = self._of_node[member.node_key]
             del theirs[key]

@@ -43,7 +43,8 @@ _SHOWN = 3
 
 
 class RmwTopicSource:
-    """Implements :class:`beacon_core.ports.source.HintSource`; the thread rule is the port's.
+    """Implements :class:`beacon_core.ports.source.HintSource` and
+    :class:`beacon_core.ports.graph.Graph`; the thread rules are the ports'.
 
     The sink's ``source`` is the GID of the publisher, in hexadecimal, and so is the incarnation: a
     publisher lives as long as the run of its process. It stands in the attachment of each message,
@@ -53,7 +54,7 @@ class RmwTopicSource:
     def __init__(self, options: RmwOptions) -> None:
         """Opens nothing. ``ConfigError`` for what Zenoh refuses."""
         self._options = options
-        self._name = f"beacon_gateway_{secrets.token_hex(4)}"
+        self._name = f"_beacon_gateway_{secrets.token_hex(4)}"
         self._keeper = SessionKeeper(
             rmw_session_config(options),
             declare=self._declare,
@@ -88,6 +89,10 @@ class RmwTopicSource:
     def graph(self) -> Graph:
         """All nodes of the domains. Kept up to date while the source is open."""
         return self._watch.graph
+
+    def nodes(self) -> frozenset[str]:
+        """See the port. Of several domains all together."""
+        return frozenset() if self._keeper.closed else self.graph.names()
 
     def start(self, sink: HintSink) -> None:
         self._gate.lead_to(sink)

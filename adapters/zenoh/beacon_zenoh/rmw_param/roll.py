@@ -24,9 +24,9 @@ __all__ = ["GRACE_NS", "Roll"]
 GRACE_NS = 50_000_000
 """Five times the longest flap that was measured."""
 
-_HIDDEN = ("_", "beacon_gateway_")
-"""How the names of nodes begin that are not asked unless they are named: those that ROS hides, and
-those of gateways."""
+_HIDDEN = "_"
+"""How the names of nodes begin that are not asked unless they are named: those that ROS hides, of
+gateways too."""
 
 
 class Roll:

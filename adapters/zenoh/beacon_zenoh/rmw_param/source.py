@@ -46,8 +46,9 @@ _PREFIX = PREFIX.encode()
 
 
 class RmwParamSource:
-    """Implements :class:`beacon_core.ports.source.HintSource` and
-    :class:`beacon_core.ports.targeted.Targeted`; the thread rules are the ports'.
+    """Implements :class:`beacon_core.ports.source.HintSource`,
+    :class:`beacon_core.ports.targeted.Targeted` and :class:`beacon_core.ports.graph.Graph`; the
+    thread rules are the ports'.
 
     The sink's ``source`` is the node's full name, with its domain before it where several domains
     are heard. The incarnation is the node's session and number in it. One thread of its own asks,
@@ -87,6 +88,10 @@ class RmwParamSource:
     def graph(self) -> Graph:
         """All nodes of the domains. Kept up to date while the source is open."""
         return self._watch.graph
+
+    def nodes(self) -> frozenset[str]:
+        """See the port. Of several domains all together."""
+        return frozenset() if self._keeper.closed else self.graph.names()
 
     def start(self, sink: HintSink) -> None:
         if self._asker is not None:

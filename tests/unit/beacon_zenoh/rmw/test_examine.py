@@ -79,7 +79,7 @@ def test_one_of_several_domains_may_be_empty(plant: Plant) -> None:
 
 
 def test_gateways_are_no_robots(plant: Plant) -> None:
-    plant.has(node_member(0, "cd", 0, "beacon_gateway_1234"))
+    plant.has(node_member(0, "cd", 0, "_beacon_gateway_1234"))
     (finding,) = plant.findings()
     assert finding.what == "no node is in ROS domain 0"
 

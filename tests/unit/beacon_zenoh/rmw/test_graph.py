@@ -51,6 +51,18 @@ def test_domains_are_told_apart() -> None:
     assert names(full(), 1) == []
 
 
+def test_the_names_are_the_same_object_until_a_node_comes_or_goes() -> None:
+    graph = full()
+    found = graph.names()
+    assert found == {"/fleet/talker", "/listener"}
+    graph.vanished(KEYS[1])
+    assert graph.names() is found
+    graph.vanished(KEYS[3])
+    assert graph.names() == {"/fleet/talker"}
+    graph.appeared(KEYS[3])
+    assert graph.names() == found
+
+
 def test_only_news_is_news() -> None:
     graph = Graph()
     assert graph.appeared(KEYS[0]) == TALKER

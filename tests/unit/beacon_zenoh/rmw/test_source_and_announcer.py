@@ -16,6 +16,7 @@ from beacon_core.errors import UsageError
 from beacon_core.hint import BeaconHint
 from beacon_core.lifecycle import Status
 from beacon_core.outcome import Verdict
+from beacon_core.ports.graph import Graph as GraphPort
 from beacon_core.ports.health import Condition
 from beacon_core.testing.harness import Listener
 from beacon_core.wire import cdr
@@ -101,6 +102,22 @@ def test_a_subscriber_of_rmw_zenoh_hears_what_is_announced_in_order(harness: Rmw
     assert ear.names() == names
     assert [number for _, number, _ in ear.heard] == list(range(1, 51))
     ear.close()
+
+
+def test_the_nodes_it_knows_are_told_by_name(
+    harness: RmwHarness, robots: Callable[..., Robot]
+) -> None:
+    listener = Listener(harness)
+    source = listener.source
+    assert isinstance(source, GraphPort)
+    assert source.nodes() == frozenset()
+    listener.start()
+    robot = robots()
+    within(harness, lambda: "/fleet/r1/talker" in source.nodes(), "the node is known")
+    robot.close()
+    within(harness, lambda: "/fleet/r1/talker" not in source.nodes(), "the node has gone")
+    source.close()
+    assert source.nodes() == frozenset()
 
 
 def test_its_gid_is_that_of_the_token(harness: RmwHarness) -> None:

@@ -70,7 +70,7 @@ def test_a_node_that_lacks_a_service_is_there_and_cannot_be_asked() -> None:
 
 def test_hidden_nodes_and_gateways_are_asked_only_if_they_are_named() -> None:
     world = World()
-    for number, name in enumerate(("driver", "_hidden", "beacon_gateway_12")):
+    for number, name in enumerate(("driver", "_hidden", "_beacon_gateway_12")):
         world.add(a_node(name, zid=f"a{number}"), LIST, GET)
     assert len(world.call()) == 3
     assert world.roll.visible() == ["/arm/driver"]

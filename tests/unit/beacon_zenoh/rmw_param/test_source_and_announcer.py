@@ -16,6 +16,7 @@ from beacon_core.errors import ConfigError, UsageError
 from beacon_core.hint import BeaconHint
 from beacon_core.lifecycle import Cause, Status
 from beacon_core.parameters.fields import ENTITY_ID, PREFIX, write
+from beacon_core.ports.graph import Graph
 from beacon_core.ports.health import Condition
 from beacon_core.ports.targeted import Targeted
 from beacon_core.testing.harness import Listener
@@ -385,6 +386,18 @@ def test_a_source_says_where_it_stands(harness: RmwParamHarness) -> None:
         listener.start()
     listener.source.close()
     assert listener.source.health().condition is Condition.CLOSED
+
+
+def test_the_nodes_it_knows_are_told_by_name(
+    harness: RmwParamHarness, robots: Callable[..., ParamRobot]
+) -> None:
+    listener = Listener(harness).start()
+    source = listener.source
+    assert isinstance(source, Graph)
+    name = robots(harness).node.node_name
+    within(harness, lambda: name in source.nodes(), "the node is known")
+    source.close()
+    assert source.nodes() == frozenset()
 
 
 def test_a_budget_below_the_time_out_is_warned_of(
