@@ -49,7 +49,8 @@ def url() -> Iterator[str]:
     """A gateway that has heard of some of those it knows, and of one more."""
     network = FakeNetwork(ManualClock())
     share_network(network, "generated-client")
-    source = {"adapter": "fake", "options": {"network": "generated-client"}}
+    source: dict[str, Any] = {"adapter": "fake", "ttl_s": 1000.0, "expiry_s": 10000.0}
+    source["options"] = {"network": "generated-client"}
     gateway = Gateway(parse_config({"sources": {"robots": source}, "entities": KNOWN}).config)
     gateway.start()
     for entity_id in ("planner", "ecu", "lidar"):

@@ -55,7 +55,8 @@ def served() -> Iterator[Any]:
     """The schema of a gateway that is served."""
     network = FakeNetwork(ManualClock())
     share_network(network, "schemathesis")
-    source = {"adapter": "fake", "options": {"network": "schemathesis"}}
+    source: dict[str, Any] = {"adapter": "fake", "ttl_s": 1000.0, "expiry_s": 10000.0}
+    source["options"] = {"network": "schemathesis"}
     gateway = Gateway(parse_config({"sources": {"robots": source}, "entities": KNOWN}).config)
     gateway.start()
     for entity_id in ("1", "2"):
