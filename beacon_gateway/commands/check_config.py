@@ -13,6 +13,7 @@ import cattrs
 import yaml
 
 from beacon_core.errors import ConfigError
+from beacon_gateway.access.exposure import check_exposure
 from beacon_gateway.commands.run import read_config
 from beacon_gateway.config import Config
 from beacon_gateway.console.exits import Exit
@@ -45,12 +46,13 @@ def run(arguments: argparse.Namespace) -> int:
         write_json({"ok": False, "problems": plain_problems(error)})
         return Exit.USAGE
     effective = _plain(loaded.config)
+    doubts = (*loaded.corrections, *_doubts(loaded.config))
     if arguments.json:
-        warnings = [_plain_problem(correction) for correction in loaded.corrections]
+        warnings = [_plain_problem(doubt) for doubt in doubts]
         write_json({"ok": True, "warnings": warnings, "config": effective})
         return Exit.OK
-    for correction in loaded.corrections:
-        sys.stderr.write(f"warning: {correction}\n")
+    for doubt in doubts:
+        sys.stderr.write(f"warning: {doubt}\n")
     text = yaml.safe_dump(effective, sort_keys=False, allow_unicode=True)
     sys.stdout.write("# ok\n" + "".join(f"{printable(line)}\n" for line in text.splitlines()))
     return Exit.OK
@@ -62,6 +64,15 @@ def plain_problems(error: ConfigError) -> list[dict[str, str]]:
     if isinstance(cause, DocumentError):
         return [_plain_problem(problem) for problem in cause.problems]
     return [{"path": "$", "message": str(error)}]
+
+
+def _doubts(config: Config) -> list[Problem]:
+    """What ``beacon run`` would warn of or refuse, unless it is told otherwise."""
+    try:
+        warning = check_exposure(config.http)
+    except ConfigError as error:
+        warning = str(error).partition(": ")[2]
+    return [Problem("$.http.host", warning)] if warning else []
 
 
 def _plain_problem(problem: Problem) -> dict[str, str]:

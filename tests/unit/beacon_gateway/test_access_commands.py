@@ -141,3 +141,22 @@ def test_files_that_are_not_there_are_wrong_configuration(
     error = capsys.readouterr().err
     assert f"{path.parent}/{said}" in error
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("http", "said"),
+    [
+        ("{host: 192.0.2.1}", "serving on 192.0.2.1 needs TLS"),
+        ("{host: 192.0.2.1, allow_insecure: true}", "whoever reaches it can read everything"),
+        ("{host: 127.0.0.2}", ""),
+    ],
+)
+def test_check_config_says_beforehand_what_would_be_refused(
+    file: Callable[[str], Path], capsys: Capture, http: str, said: str
+) -> None:
+    assert beacon("check-config", file(http)) == 0
+    warned = capsys.readouterr().err
+    assert said in warned
+    assert warned.count("warning: $.http.host: ") == bool(said)
+    assert beacon("check-config", file(http), "--json") == 0
+    assert len(json.loads(capsys.readouterr().out)["warnings"]) == bool(said)
