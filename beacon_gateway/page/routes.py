@@ -29,6 +29,7 @@ HEADERS = {
     # The page of another version would not match its scripts.
     "cache-control": "no-cache",
 }
+"""Of each of its files: nothing from elsewhere, nothing inline, and no text ever becomes a page."""
 
 _TYPES = {
     ".html": "text/html; charset=utf-8",

@@ -126,6 +126,7 @@ class Function:
 
 
 Entity: TypeAlias = Area | Component | App | Function
+"""Any of the four."""
 
 
 class _HasId(Protocol):

@@ -79,6 +79,7 @@ class Field:
 
 
 Policies: TypeAlias = Mapping[Group, Policy]
+"""A layer's row of the table."""
 
 _A, _E, _F = Policy.AUTHORITATIVE, Policy.ENRICHMENT, Policy.FALLBACK
 
@@ -92,8 +93,11 @@ def _row(
 
 #                identity, hierarchy, membership, status, metadata
 MANIFEST = _row(_A, _A, _E, _F, _A)
+"""What was written down."""
 RUNTIME = _row(_F, _F, _F, _A, _E)
+"""The ROS graph."""
 BEACONS = _row(_E, _E, _E, _E, _E)
+"""What each says of itself."""
 HOST = _row(_F, _F, _F, _F, _F)
 """The gateway's own host: anybody knows better."""
 DEMOTED = HOST

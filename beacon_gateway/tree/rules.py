@@ -9,7 +9,7 @@ import attrs
 
 from beacon_gateway.tree.entities import App, Area, Component, Entity, Function
 
-__all__ = ["Draft", "Placed", "errors", "warnings"]
+__all__ = ["Draft", "Finding", "Placed", "errors", "warnings"]
 
 _E_co = TypeVar("_E_co", bound=Entity, covariant=True)
 
