@@ -156,7 +156,7 @@ class AreaEntry:
 
 @attrs.frozen
 class ComponentEntry:
-    """A computer, a controller or a device; only what is configured is one, no hint adds any."""
+    """A computer, a controller or a device that is known beforehand."""
 
     id: str = attrs.field(validator=an_id, metadata={"right": "an id"})
     name: str = ""

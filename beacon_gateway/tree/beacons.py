@@ -4,7 +4,8 @@ An entity that several sources have heard of is taken as the freshest of them ha
 (:mod:`beacon_gateway.views`), and so are its words here. A hint about a known app or component adds
 to it; one about nobody known makes a new app, or is skipped. Its function ids make it a host of
 those functions that exist. Who said goodbye is listed until its tombstone lapses, but takes part in
-nothing.
+nothing. Clients come to apps by way of components; so where hints place apps on one that nobody
+else knows, it is one while such an app is listed.
 
 Mapping again costs what has changed. A store tells of its changes, and a refresh is none; but a
 refresh may turn the freshest source into another one, so entities of which several sources say
@@ -44,13 +45,18 @@ class BeaconLayer:
         *,
         listed: Iterable[str] = (),
         allow_new_entities: bool,
-        with_dependencies: bool = True,
+        area: str = "",
+        strict_upstream: bool = False,
     ) -> None:
         """``beacon`` says how all sources together have an entity. ``listed``: ids to remember, if
-        they were ever heard. ``with_dependencies``: a hint's go into the tree."""
+        they were ever heard. ``area``: where components are that nobody else knows, if there are
+        areas. ``strict_upstream``: there are no such components, and what a hint depends on stays
+        out of the tree."""
         self._beacon = beacon
         self._allow_new_entities = allow_new_entities
-        self._with_dependencies = with_dependencies
+        self._with_dependencies = not strict_upstream
+        self._with_components = allow_new_entities and not strict_upstream
+        self._area = area
         self._readers = [_Reader(store) for store in stores]
         self._listed: frozenset[str] = frozenset()
         self._silent: set[str] = set()
@@ -59,7 +65,8 @@ class BeaconLayer:
         self._beacons: dict[str, Beacon] = {}
         self._doubtful: dict[str, None] = {}
         self._changed: dict[str, None] = {}
-        self._members = _Members()
+        self._members = _Named()
+        self._placed = _Named()
         self.expect(listed)
         self._skipped: set[str] = set()
         self._newly_skipped: list[str] = []
@@ -102,7 +109,7 @@ class BeaconLayer:
         before, self._known = self._known, known
         if before is not known:
             touched |= self._moved(before, known)
-        if touched or self._members.changed:
+        if touched or self._members.changed or self._placed.changed:
             self._tree = self._mapped(touched)
         return self._tree
 
@@ -112,10 +119,15 @@ class BeaconLayer:
         return found
 
     def _moved(self, old: Tree, new: Tree) -> dict[str, None]:
-        """Whose hint means something else now; and the functions that came or went are noted."""
+        """Whose hint means something else now; and what else has to be looked at is noted."""
         self._members.changed.update(dict.fromkeys(old.functions.keys() ^ new.functions.keys()))
+        self._placed.changed.update(self._placed.ids())
         moved = old.apps.keys() ^ new.apps.keys() | old.components.keys() ^ new.components.keys()
-        return dict.fromkeys(one for one in moved if one in self._beacons)
+        return dict.fromkeys(
+            one
+            for one in self._beacons
+            if one in moved or _place_of(one, old) != _place_of(one, new)
+        )
 
     def _mapped(self, touched: Iterable[str]) -> Tree:
         apps, components = _Column(self._tree.apps), _Column(self._tree.components)
@@ -124,24 +136,33 @@ class BeaconLayer:
             shadow = self._shadow(entity_id)
             apps.put(entity_id, shadow if isinstance(shadow, App) else None)
             components.put(entity_id, shadow if isinstance(shadow, Component) else None)
-        for function_id in self._members.changed:
+            # As an app, or none any more, it may be no component, or one again.
+            if self._placed.of(entity_id):
+                self._placed.changed[entity_id] = None
+        for function_id in self._members.take_changed():
             functions.put(function_id, self._function(function_id))
-        self._members.changed.clear()
+        for component_id in self._placed.take_changed():
+            if component_id not in self._known.components or component_id not in self._beacons:
+                components.put(component_id, self._component(component_id, apps.items))
         columns = (components, apps, functions)
         if not any(column.changed for column in columns):
             return self._tree
         return Tree(components=components.items, apps=apps.items, functions=functions.items)
 
     def _shadow(self, entity_id: str) -> App | Component | None:
-        """What its beacon says of it now; keeps the beacon, and whom it hosts."""
+        """What its beacon says of it now; keeps the beacon, and whom it hosts, and who hosts it."""
         beacon = self._beacon(entity_id)
         self._note(entity_id, beacon)
         shadow = beacon and self._said(entity_id, beacon)
         if not beacon or not shadow:
             self._members.put(entity_id, ())
+            self._placed.put(entity_id, ())
             return None
         gone = beacon.status is Status.LEFT
         self._members.put(entity_id, () if gone else beacon.stored.hint.function_ids)
+        named = shadow.component_id if isinstance(shadow, App) else ""
+        places = named and self._with_components and not _place_of(entity_id, self._known)
+        self._placed.put(entity_id, (named,) if places else ())
         return shadow
 
     def _said(self, entity_id: str, beacon: Beacon) -> App | Component | None:
@@ -165,6 +186,15 @@ class BeaconLayer:
         if function_id not in self._known.functions or not hosts:
             return None
         return Function(function_id, hosts=hosts, source=BEACON)
+
+    def _component(self, component_id: str, apps: Container[str]) -> Component | None:
+        """One that only hints name: no id of anything else is one."""
+        known = self._known
+        others = (known.components, known.apps, apps, known.areas, known.functions)
+        if not self._placed.of(component_id) or any(component_id in ids for ids in others):
+            return None
+        area = self._area if known.areas else ""
+        return Component(component_id, area=area, source=BEACON)
 
     def _note(self, entity_id: str, beacon: Beacon | None) -> None:
         before = self._beacons.pop(entity_id, None)
@@ -234,33 +264,48 @@ class _Column(Generic[_T]):
             self._copy[key] = value
 
 
-class _Members:
-    """Who names which function. Unknown functions too: one may appear at any time."""
+class _Named:
+    """Who names which id. Unknown ones too: each may appear at any time."""
 
     def __init__(self) -> None:
         self.changed: dict[str, None] = {}
-        """Functions whose hosts are others since somebody emptied this."""
-        self._hosts: dict[str, dict[str, None]] = defaultdict(dict)
+        """The ids that others name since somebody took this; add to it what else is to be taken."""
+        self._by: dict[str, dict[str, None]] = defaultdict(dict)
         self._named: dict[str, tuple[str, ...]] = {}
 
-    def of(self, function_id: str) -> tuple[str, ...]:
-        return tuple(self._hosts.get(function_id, ()))
+    def of(self, named: str) -> tuple[str, ...]:
+        """Who names it."""
+        return tuple(self._by.get(named, ()))
 
-    def put(self, entity_id: str, function_ids: tuple[str, ...]) -> None:
+    def ids(self) -> dict[str, None]:
+        """All that are named."""
+        return dict.fromkeys(self._by)
+
+    def take_changed(self) -> dict[str, None]:
+        taken, self.changed = self.changed, {}
+        return taken
+
+    def put(self, entity_id: str, named: tuple[str, ...]) -> None:
         """Set all that ``entity_id`` names, in place of what it named before."""
         before = self._named.pop(entity_id, ())
-        if function_ids:
-            self._named[entity_id] = function_ids
-        if before == function_ids:
+        if named:
+            self._named[entity_id] = named
+        if before == named:
             return
-        for function_id in set(before).difference(function_ids):
-            del self._hosts[function_id][entity_id]
-            if not self._hosts[function_id]:
-                del self._hosts[function_id]
-            self.changed[function_id] = None
-        for function_id in function_ids:
-            self._hosts[function_id][entity_id] = None
-            self.changed[function_id] = None
+        for one in set(before).difference(named):
+            del self._by[one][entity_id]
+            if not self._by[one]:
+                del self._by[one]
+            self.changed[one] = None
+        for one in named:
+            self._by[one][entity_id] = None
+            self.changed[one] = None
+
+
+def _place_of(app_id: str, known: Tree) -> str:
+    """The component that an app is on whatever its hint says."""
+    app = known.apps.get(app_id)
+    return "" if app is None else app.component_id
 
 
 def _words(view: View) -> tuple[object, ...]:

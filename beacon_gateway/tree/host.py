@@ -43,11 +43,12 @@ class Host:
         """The component, in no area."""
         return Component(self.id, self.name, source=HOST)
 
-    def tree(self, manifest: Tree) -> Tree:
-        """What has to be there beside the manifest."""
-        component = self.component()
-        if not manifest.areas:
-            return Tree(components={self.id: component})
-        component = attrs.evolve(component, area=self.area)
-        area = Area(self.area, self.area.replace("_", " ").capitalize(), source=HOST)
-        return Tree(areas={self.area: area}, components={self.id: component})
+    def tree(self, manifest: Tree, *, hosting: bool, filled: bool) -> Tree:
+        """What has to be there beside the manifest: the component while it is ``hosting``; where
+        there are areas its own too, also while it is ``filled`` with other components."""
+        area = self.area if manifest.areas else ""
+        components = {self.id: attrs.evolve(self.component(), area=area)} if hosting else {}
+        if not area or not (hosting or filled):
+            return Tree(components=components)
+        name = area.replace("_", " ").capitalize()
+        return Tree(areas={area: Area(area, name, source=HOST)}, components=components)

@@ -13,8 +13,8 @@ import attrs
 
 from beacon_core.store import HintStore
 from beacon_core.text import quoted
-from beacon_gateway.tree.beacons import BeaconLayer
-from beacon_gateway.tree.entities import Tree
+from beacon_gateway.tree.beacons import BEACON, BeaconLayer
+from beacon_gateway.tree.entities import App, Area, Tree
 from beacon_gateway.tree.host import Host
 from beacon_gateway.tree.incremental import IncrementalMerge
 from beacon_gateway.tree.linker import Linking, Unmanifested, link, runtime_tree
@@ -86,7 +86,8 @@ class TreeKeeper:
             beacon,
             listed=_listed(manifest),
             allow_new_entities=settings.allow_new_entities,
-            with_dependencies=not strict,
+            area=settings.host.area,
+            strict_upstream=strict,
         )
         self._nodes: list[frozenset[str]] = []
         self._linking = link(manifest.tree.apps.values(), (), manifest.unmanifested_nodes)
@@ -184,7 +185,10 @@ class TreeKeeper:
             return
         self._merges += 1
         # The host is shown while somebody is on it, and whether that is so shows only now.
-        shown = self._settings.host.tree(self._manifest.tree) if self._hosting() else Tree()
+        filled = any(component.area for component in self._said.components.values())
+        shown = self._settings.host.tree(
+            self._manifest.tree, hosting=self._hosting(), filled=filled
+        )
         if shown != self._host:
             self._host = shown
             self._result = self._merge.merge(self._layers())
@@ -226,11 +230,18 @@ class TreeKeeper:
         self._messages += self._on_orphans()
 
     def _all_known(self) -> Tree:
-        """Whom a hint may be about: everybody but those who are there by their hints only."""
+        """Whom a hint may be about: everybody but those who are there by their hints only.
+
+        An app is on a component here if its hint cannot move it.
+        """
         known, host = self._manifest.tree, self._settings.host
+        apps: Mapping[str, App] = known.apps
+        if not self._manifest.allow_manifest_override:
+            apps = {one: attrs.evolve(app, component_id="") for one, app in apps.items()}
         return Tree(
+            areas={**known.areas, host.area: Area(host.area)} if known.areas else {},
             components={host.id: host.component(), **known.components},
-            apps={**self._runtime.apps, **known.apps},
+            apps={**self._runtime.apps, **apps},
             functions=known.functions,
         )
 
@@ -268,12 +279,14 @@ class TreeKeeper:
         return fault_of(entity_id, None, known=known, heard=heard)
 
     def _there_without(self, entity_id: str) -> bool:
-        """Areas and functions have no beacon; a node shows an app, and this answer the host."""
+        """Areas, functions and what only hints name have no beacon; a node shows an app, and this
+        answer the host."""
         tree = self._result.tree
         if entity_id in tree.apps:
             return tree.apps[entity_id].is_online
         if entity_id in tree.components:
-            return entity_id == self._settings.host.id
+            made = tree.components[entity_id].source == BEACON
+            return made or entity_id == self._settings.host.id
         return entity_id in tree.areas or entity_id in tree.functions
 
 

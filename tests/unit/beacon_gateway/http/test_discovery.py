@@ -159,10 +159,11 @@ def test_relations(
 
 
 def test_who_is_referred_to_and_not_there_is_listed_as_missing(mixed: Plant) -> None:
+    mixed.announce("stray", component_id="drive")
     for path, entity_id, kind in (
         ("/apps/planner/depends-on", "ghost", "app"),
         ("/components/ecu/depends-on", "ghost_ecu", "component"),
-        ("/apps/lidar/is-located-on", "mast", "component"),
+        ("/apps/stray/is-located-on", "drive", "component"),
     ):
         assert item(mixed.ok(path), entity_id) == {
             "id": entity_id,
@@ -171,15 +172,27 @@ def test_who_is_referred_to_and_not_there_is_listed_as_missing(mixed: Plant) -> 
             "type": kind,
             "x-medkit": {"missing": True},
         }
-    assert mixed.ok("/apps/lidar/belongs-to")["items"] == [
+    assert mixed.ok("/apps/stray/belongs-to")["items"] == [
         {
             "id": "",
             "name": "<unknown area>",
             "href": "",
             "type": "area",
-            "x-medkit": {"missing": True, "unresolved_component": "mast"},
+            "x-medkit": {"missing": True, "unresolved_component": "drive"},
         }
     ]
+
+
+def test_an_app_on_a_component_that_only_its_hint_names_is_found_on_the_way_there(
+    mixed: Plant,
+) -> None:
+    assert "unplaced" in ids(mixed.ok("/areas"))
+    assert "mast" in ids(mixed.ok("/areas/unplaced/components"))
+    assert item(mixed.ok("/components"), "mast")["x-medkit"] == {"source": "beacon"}
+    assert mixed.ok("/components/mast")["name"] == "mast"
+    assert ids(mixed.ok("/components/mast/hosts")) == ["lidar"]
+    assert ids(mixed.ok("/apps/lidar/is-located-on")) == ["mast"]
+    assert ids(mixed.ok("/apps/lidar/belongs-to")) == ["unplaced"]
 
 
 def test_an_app_that_depends_on_a_component_is_told_so(written: Plant) -> None:

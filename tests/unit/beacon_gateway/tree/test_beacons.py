@@ -13,7 +13,7 @@ from beacon_core.clock import ManualClock
 from beacon_core.hint import BeaconHint
 from beacon_core.store import HintStore
 from beacon_gateway.tree.beacons import BeaconLayer
-from beacon_gateway.tree.entities import App, Component, Function, Tree
+from beacon_gateway.tree.entities import App, Component, Function, Kind, Tree
 from beacon_gateway.views import Beacon, View
 
 if TYPE_CHECKING:
@@ -65,8 +65,58 @@ def test_a_hint_about_nobody_makes_an_app_that_says_what_it_needs(make: Any) -> 
     plant = make()
     plant.announce("new", display_name="New", component_id="gone", depends_on=("a",))
     assert tree(plant).apps == {"new": App("new", "New", "gone", ("a",), source="beacon")}
-    assert tree(plant).components == {}
+    assert tree(plant).components == {"gone": Component("gone", source="beacon")}
     assert [app.id for app in tree(plant).apps_on("gone")] == ["new"]
+
+
+def test_a_component_that_only_hints_name_is_there_while_an_app_is_on_it(make: Any) -> None:
+    plant = make()
+    first = plant.announce("a", component_id="amr")
+    plant.announce("b", component_id="amr", display_name="B")
+    assert tree(plant).components == {"amr": Component("amr", source="beacon")}
+    first.close()
+    plant.settle()
+    plant.announce("b", component_id="other", display_name="B")
+    assert set(tree(plant).components) == {"amr", "other"}, "who said goodbye is listed for a while"
+    plant.wait(11)
+    assert set(tree(plant).components) == {"other"}
+    plant.wait(400)
+    assert tree(plant) == Tree()
+
+
+@pytest.mark.parametrize("config", [{"strict_upstream_merge": True}, {"allow_new_entities": False}])
+def test_hints_make_no_component_where_that_is_not_wanted(
+    make: Any, config: dict[str, bool]
+) -> None:
+    plant = make(**config, entities={"apps": [{"id": "a"}]})
+    plant.announce("a", component_id="amr")
+    assert tree(plant).apps["a"].component_id == "amr"
+    assert set(tree(plant).components) == set()
+
+
+def test_the_id_of_anything_else_is_no_component(make: Any) -> None:
+    known = {"areas": [{"id": "hall"}], "apps": [{"id": "app"}], "functions": [{"id": "f"}]}
+    plant = make(entities=known)
+    ids = ("hall", "unplaced", "app", "f", "host", "new")
+    for number, component_id in enumerate(ids):
+        plant.announce(f"a{number}", component_id=component_id)
+    assert set(tree(plant).components) == {"host", "new"}
+    new = plant.announce("new")
+    assert set(tree(plant).components) == {"host"}
+    assert tree(plant).kind("new") is Kind.APP
+    new.close()
+    plant.settle()
+    plant.wait(11)
+    assert tree(plant).kind("new") is Kind.COMPONENT
+
+
+def test_what_is_placed_beforehand_stays_there_though_nobody_knows_the_place(make: Any) -> None:
+    plant = make(entities={"apps": [{"id": "a", "component_id": "nowhere"}]})
+    plant.announce("a", component_id="nowhere")
+    assert tree(plant).components == {}
+    plant.announce("a", component_id="elsewhere")
+    assert tree(plant).components == {}
+    assert tree(plant).apps["a"].component_id == "nowhere"
 
 
 def test_in_strict_mode_what_a_hint_needs_does_not_reach_the_tree(make: Any) -> None:
@@ -205,7 +255,7 @@ def test_hints_are_laid_over_the_tree_as_in_the_cpp_system(case: dict[str, Any])
             View("", "", stored) for stored in [store.get(entity_id)] if stored
         ),
         allow_new_entities=case["allow_new_entities"],
-        with_dependencies=False,
+        strict_upstream=True,
     )
     current = case["current"]
     said = layer.map(

@@ -132,6 +132,37 @@ def test_a_hint_may_place_its_app_on_the_host() -> None:
     assert set(house.tree.components) == {"host"}
 
 
+def test_where_there_are_areas_a_component_that_only_hints_name_is_in_the_hosts() -> None:
+    house = House(areas=[Area("hall")])
+    house.hear("a", component_id="amr")
+    assert house.tree.components == {"amr": Component("amr", area="unplaced", source="beacon")}
+    assert set(house.tree.areas) == {"hall", "unplaced"}
+    house.keeper.take_manifest(Manifest(Tree(functions={"f": Function("f")})))
+    assert house.tree.components == {"amr": Component("amr", source="beacon")}
+    assert house.tree.areas == {}
+    house.keeper.take_manifest(Manifest(Tree(functions={"amr": Function("amr")})))
+    assert house.tree.components == {}
+
+
+def test_a_hint_places_an_app_where_the_manifest_may_be_overridden() -> None:
+    house = House(App("a", component_id="ecu"), components=[Component("ecu")])
+    house.hear("a", component_id="amr")
+    assert set(house.tree.components) == {"ecu"}
+    house.manifest = attrs.evolve(house.manifest, allow_manifest_override=False)
+    house.keeper.take_manifest(house.manifest)
+    assert set(house.tree.components) == {"ecu", "amr"}
+    assert [one.id for one in house.tree.apps_on("amr")] == ["a"]
+    assert house.tree == house.new_keeper().tree()
+
+
+def test_a_component_that_only_hints_name_has_no_beacon_to_miss() -> None:
+    house = House()
+    house.hear("a", component_id="amr")
+    house.hear("b", depends_on=("amr",))
+    assert house.keeper.roll_up("b").active
+    assert house.keeper.roll_up("amr").active
+
+
 def test_the_default_id_is_made_of_this_computers_name(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("socket.gethostname", lambda: "robot-7.example.org" + "x" * 300)
     host = Host.named("", "", "unplaced")
@@ -410,6 +441,15 @@ def test_many_threads_read_while_hints_arrive() -> None:
 
 ids = st.sampled_from(["a", "b", "c", "host", "f"])
 words = st.sampled_from(["", "one", "two"])
+MANIFESTS = [
+    Manifest(Tree()),
+    Manifest(Tree(apps={"a": App("a", component_id="one"), "two": App("two")})),
+    Manifest(Tree({"one": Area("one")}, {"two": Component("two")}), allow_manifest_override=False),
+    Manifest(
+        Tree({"hall": Area("hall")}, {}, {"b": App("b", component_id="one")}),
+        allow_manifest_override=False,
+    ),
+]
 
 
 class KeptUpToDate(RuleBasedStateMachine):
@@ -431,7 +471,7 @@ class KeptUpToDate(RuleBasedStateMachine):
         entity_id=ids,
         store=st.integers(0, 1),
         name=words,
-        component=words,
+        component=st.sampled_from(["", "one", "two", "a", "c", "f", "hall", "unplaced"]),
         functions=st.lists(st.sampled_from(["f", "g", "h"]), max_size=2, unique=True).map(tuple),
         needs=st.lists(ids, max_size=2).map(tuple),
     )
@@ -463,6 +503,27 @@ class KeptUpToDate(RuleBasedStateMachine):
     def graph_changes(self, nodes: frozenset[str]) -> None:
         self.house.nodes = nodes
 
+    @rule(manifest=st.sampled_from(MANIFESTS))
+    def manifest_changes(self, manifest: Manifest) -> None:
+        house = self.house
+        house.manifest = attrs.evolve(manifest, tree=joined(house.tree_before, manifest.tree))
+        house.keeper.take_manifest(house.manifest)
+
+    @invariant()
+    def nobody_is_lost_on_the_way(self) -> None:
+        """From a component to each app, unless the place's id stands for something else."""
+        tree, known = self.house.tree, self.house.manifest.tree
+        for app in tree.apps.values():
+            if tree.kind(app.component_id) is None:
+                assert known.apps[app.id].component_id == app.component_id
+        for component in tree.components.values():
+            if component.source == "beacon":
+                assert list(tree.apps_on(component.id))
+                assert not any(
+                    component.id in ids for ids in (tree.apps, tree.areas, tree.functions)
+                )
+                assert (component.area in tree.areas) == bool(known.areas)
+
     @invariant()
     def kept_is_made_anew(self) -> None:
         house, anew = self.house, self.house.new_keeper()
@@ -473,6 +534,19 @@ class KeptUpToDate(RuleBasedStateMachine):
             one: roll.active for one, roll in fresh.items()
         }
         assert house.keeper.report().enriched_count == anew.report().enriched_count
+
+
+def joined(one: Tree, other: Tree) -> Tree:
+    """Both; of what is in both the second, whatever its kind."""
+    taken = {*other.areas, *other.components, *other.apps, *other.functions}
+    kinds = ("areas", "components", "apps", "functions")
+    return Tree(
+        *(
+            {key: item for key, item in getattr(one, kind).items() if key not in taken}
+            | getattr(other, kind)
+            for kind in kinds
+        )
+    )
 
 
 def content(tree: Tree) -> Tree:
