@@ -14,7 +14,6 @@ from typing import Any, Protocol
 
 import attrs
 
-from beacon_core.entities import App, Area, Component, Entities, Function
 from beacon_core.errors import ConfigError
 from beacon_core.limits import MAX_HINTS
 from beacon_core.ports.adapter import Adapter
@@ -191,17 +190,6 @@ class EntitiesConfig:
     apps: tuple[AppEntry, ...] = attrs.field(default=(), validator=_unlike)
     functions: tuple[FunctionEntry, ...] = attrs.field(default=(), validator=_unlike)
 
-    def known(self) -> Entities:
-        """The same as the core's tree."""
-        return Entities(
-            areas=[Area(entry.id, entry.name) for entry in self.areas],
-            components=[
-                Component(entry.id, entry.name, source="manifest") for entry in self.components
-            ],
-            apps=[App(entry.id, entry.name, entry.component_id) for entry in self.apps],
-            functions=[Function(entry.id, entry.name, entry.hosts) for entry in self.functions],
-        )
-
     def tree(self) -> tree.Tree:
         """The same as the gateway's tree."""
         return tree.Tree(
@@ -212,10 +200,6 @@ class EntitiesConfig:
                 one.id: tree.Function(one.id, one.name, one.hosts) for one in self.functions
             },
         )
-
-    def ros_nodes(self) -> frozenset[str]:
-        """The nodes of those apps that name theirs."""
-        return frozenset(entry.ros_node for entry in self.apps if entry.ros_node)
 
 
 def _app(entry: AppEntry) -> tree.App:

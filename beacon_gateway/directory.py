@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
-import attrs
-
-from beacon_core import entities as core
-from beacon_core.entities import App, Component, Entities
 from beacon_gateway.departures import Departures
 from beacon_gateway.listener import Listener
 from beacon_gateway.tree.entities import Kind, Tree
@@ -16,18 +12,7 @@ from beacon_gateway.tree.manifest import Manifest
 from beacon_gateway.tree.rollup import RollUp
 from beacon_gateway.views import Beacon, View, with_departure
 
-__all__ = ["Directory", "Found", "Kind"]
-
-_NEW_APP_SOURCE = "beacon"
-"""The ``source`` of an app that nobody but its own hint told of."""
-
-
-@attrs.frozen
-class Found:
-    """An app or a component, and its beacon if it has one."""
-
-    entity: App | Component
-    beacon: Beacon | None
+__all__ = ["Directory"]
 
 
 class Directory:
@@ -43,10 +28,8 @@ class Directory:
         departures: Departures,
         settings: TreeSettings,
     ) -> None:
-        self._known = _core_entities(manifest.tree)
         self._listeners = listeners
         self._departures = departures
-        self._allow_new_entities = settings.allow_new_entities
         self._keeper = TreeKeeper(
             manifest,
             [listener.store for listener in listeners],
@@ -61,12 +44,15 @@ class Directory:
 
     def take_manifest(self, manifest: Manifest) -> None:
         """Put another manifest in the place of the one there is."""
-        self._known = _core_entities(manifest.tree)
         self._keeper.take_manifest(manifest)
 
     def listen(self) -> None:
         """Take note of who has been heard; to be called more often than hints expire."""
         self._keeper.listen()
+
+    def whom_to_ask(self) -> frozenset[str] | None:
+        """The nodes of the apps that are known beforehand; ``None``: nobody can say."""
+        return self._keeper.whom_to_ask()
 
     def never_heard(self, entity_id: str) -> bool:
         """It is known beforehand, and no hint about it has come since the gateway began."""
@@ -84,38 +70,6 @@ class Directory:
         """How the tree came about."""
         return self._keeper.report()
 
-    def apps(self) -> Iterator[Found]:
-        """All apps: the known ones, then those nobody but their own hint told of.
-
-        One that said goodbye stays until its tombstone lapses.
-        """
-        for app in self._known.apps.values():
-            yield self._named(app)
-        new: dict[str, None] = {}
-        for listener in self._listeners:
-            new |= listener.new_app_ids(self._known)
-        for entity_id in new:
-            found = self._new_app(entity_id)
-            if found is not None:
-                yield found
-
-    def components(self) -> Iterator[Found]:
-        """All components; they are known beforehand."""
-        for component in self._known.components.values():
-            yield self._named(component)
-
-    def app(self, entity_id: str) -> Found | None:
-        """One app, known or new."""
-        app = self._known.apps.get(entity_id)
-        if app is not None:
-            return self._named(app)
-        return None if entity_id in self._known.components else self._new_app(entity_id)
-
-    def component(self, entity_id: str) -> Found | None:
-        """One component."""
-        component = self._known.components.get(entity_id)
-        return None if component is None else self._named(component)
-
     def kind(self, entity_id: str) -> Kind | None:
         """What the id stands for, ``None`` if it is unknown."""
         return self.tree().kind(entity_id)
@@ -130,30 +84,3 @@ class Directory:
             if (stored := listener.store.get(entity_id)) is not None
         ]
         return Beacon.of(with_departure(views, departure))
-
-    def _named(self, entity: App | Component) -> Found:
-        """The known entity; what the tree does not say of it, its beacon may."""
-        beacon = self.beacon(entity.id)
-        if beacon is None:
-            return Found(entity, None)
-        hint = beacon.stored.hint
-        named = attrs.evolve(entity, name=entity.name or hint.display_name)
-        if isinstance(named, App):
-            named = attrs.evolve(named, component_id=named.component_id or hint.component_id)
-        return Found(named, beacon)
-
-    def _new_app(self, entity_id: str) -> Found | None:
-        if not self._allow_new_entities or (beacon := self.beacon(entity_id)) is None:
-            return None
-        hint = beacon.stored.hint
-        app = App(entity_id, hint.display_name, hint.component_id, source=_NEW_APP_SOURCE)
-        return Found(app, beacon)
-
-
-def _core_entities(tree: Tree) -> Entities:
-    return Entities(
-        areas=[core.Area(one.id, one.name) for one in tree.areas.values()],
-        components=[Component(one.id, one.name, one.source) for one in tree.components.values()],
-        apps=[App(one.id, one.name, one.component_id) for one in tree.apps.values()],
-        functions=[core.Function(one.id, one.name, one.hosts) for one in tree.functions.values()],
-    )

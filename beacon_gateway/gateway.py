@@ -17,6 +17,7 @@ from beacon_gateway.listener import Listener
 from beacon_gateway.snapshot import Snapshots
 from beacon_gateway.tree.host import Host
 from beacon_gateway.tree.keeper import TreeSettings
+from beacon_gateway.tree.linker import whom_to_ask
 from beacon_gateway.tree.manifest import Manifest
 from beacon_gateway.vendor import vendor_endpoints
 
@@ -53,6 +54,8 @@ class Gateway:
         adapters = {name: lookup(source.adapter) for name, source in config.sources.items()}
         self.vendor_endpoints = vendor_endpoints(adapters)
         """Beside ours: each with the names of the adapters whose view is served there."""
+        manifest = read_manifest(config)
+        self._targets = whom_to_ask(manifest.tree.apps.values(), {})
         departures = Departures(MAX_HINTS if len(config.sources) > 1 else 0)
         self.listeners = tuple(
             Listener(
@@ -60,19 +63,17 @@ class Gateway:
                 source,
                 adapters[name],
                 self.clock,
-                allow_new_entities=config.allow_new_entities,
                 departures=departures,
-                targets=config.entities.ros_nodes(),
+                targets=self._targets,
             )
             for name, source in config.sources.items()
         )
-        self.directory = Directory(
-            read_manifest(config), self.listeners, departures, _tree_settings(config)
-        )
+        self.directory = Directory(manifest, self.listeners, departures, _tree_settings(config))
         self._snapshots: Snapshots | None = None
         if config.snapshot is not None:
             stores = {listener.name: listener.store for listener in self.listeners}
             self._snapshots = Snapshots(config.snapshot, stores, self.clock)
+        self._retargeting = threading.Lock()
         self._closing = threading.Event()
         self._swept_s = 0.0
         self._sweeper = threading.Thread(target=self._sweep, name="beacon-sweeper", daemon=True)
@@ -111,11 +112,9 @@ class Gateway:
         """Put another configuration in the place of the one there is. Its sources must be the
         same; ``manifest`` is :func:`beacon_gateway.config.read_manifest` of it.
         """
-        if config.entities != self.config.entities:
-            for listener in self.listeners:
-                listener.take_targets(config.entities.ros_nodes())
         self.config = config
         self.directory.take_manifest(manifest)
+        self._retarget()
 
     def close(self) -> None:
         """Stop listening. Idempotent, within 2 s whatever an adapter does, and 2 s more whatever
@@ -152,7 +151,20 @@ class Gateway:
             for store in stores:
                 store.sweep()
             self.directory.listen()
+            self._retarget()
             self._swept_s = time.monotonic()
+
+    def _retarget(self) -> None:
+        """Tell the sources that ask if they are to ask others: the apps' nodes may have been found
+        in the ROS graph, or the apps may be others."""
+        asking = [listener for listener in self.listeners if listener.asks]
+        if not asking:
+            return
+        with self._retargeting:
+            before, self._targets = self._targets, self.directory.whom_to_ask()
+            if self._targets != before:
+                for listener in asking:
+                    listener.take_targets(self._targets)
 
 
 def _tree_settings(config: Config) -> TreeSettings:

@@ -17,7 +17,7 @@ from beacon_gateway.tree.beacons import BEACON, BeaconLayer
 from beacon_gateway.tree.entities import App, Area, Tree
 from beacon_gateway.tree.host import Host
 from beacon_gateway.tree.incremental import IncrementalMerge
-from beacon_gateway.tree.linker import Linking, Unmanifested, link, runtime_tree
+from beacon_gateway.tree.linker import Linking, Unmanifested, link, runtime_tree, whom_to_ask
 from beacon_gateway.tree.manifest import Manifest
 from beacon_gateway.tree.merge import KINDS, Conflict, Layer, MergeResult
 from beacon_gateway.tree.policies import BEACONS, DEMOTED, HOST, MANIFEST, RUNTIME
@@ -91,6 +91,7 @@ class TreeKeeper:
         )
         self._nodes: list[frozenset[str]] = []
         self._linking = link(manifest.tree.apps.values(), (), manifest.unmanifested_nodes)
+        self._wanted = whom_to_ask(manifest.tree.apps.values(), self._linking.bound)
         self._runtime = self._host = self._said = Tree()
         self._known = self._all_known()
         self._merged: tuple[object, ...] = (None, None, None)
@@ -112,6 +113,14 @@ class TreeKeeper:
             self._manifest = manifest
             self._beacons.expect(_listed(manifest))
             self._relink()
+
+    def whom_to_ask(self) -> frozenset[str] | None:
+        """The nodes of the apps that are known beforehand; see :func:`~.linker.whom_to_ask`.
+
+        It costs next to nothing while the ROS graph stays the same."""
+        with self._lock:
+            self._look_around()
+            return self._wanted
 
     def listen(self) -> None:
         """Take note of who has been heard, before the stores forget it: more often than hints
@@ -167,10 +176,7 @@ class TreeKeeper:
             _log.log(level, "%s", message)
 
     def _refresh(self) -> None:
-        nodes = [graph() for graph in self._graphs]
-        if nodes != self._nodes:
-            self._nodes = nodes
-            self._relink()
+        self._look_around()
         self._said = self._beacons.map(self._known)
         self._messages += [
             (logging.WARNING, f"{quoted(one)} is no known app or component: its hint is skipped")
@@ -192,6 +198,12 @@ class TreeKeeper:
         if shown != self._host:
             self._host = shown
             self._result = self._merge.merge(self._layers())
+
+    def _look_around(self) -> None:
+        nodes = [graph() for graph in self._graphs]
+        if nodes != self._nodes:
+            self._nodes = nodes
+            self._relink()
 
     def _state(self) -> tuple[int, int]:
         """Another one whenever somebody may be active who was not, or the other way round."""
@@ -215,7 +227,9 @@ class TreeKeeper:
     def _relink(self) -> None:
         manifest, settings = self._manifest, self._settings
         nodes = frozenset[str]().union(*self._nodes)
-        self._linking = link(manifest.tree.apps.values(), nodes, manifest.unmanifested_nodes)
+        apps = manifest.tree.apps.values()
+        self._linking = link(apps, nodes, manifest.unmanifested_nodes)
+        self._wanted = whom_to_ask(apps, self._linking.bound)
         policy = self._linking.policy
         show = policy is Unmanifested.INCLUDE_AS_ORPHAN or (
             settings.runtime_nodes and policy is not Unmanifested.IGNORE

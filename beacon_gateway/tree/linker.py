@@ -15,7 +15,16 @@ import attrs
 
 from beacon_gateway.tree.entities import App, RosBinding, Tree
 
-__all__ = ["NODE", "ORPHAN", "Linking", "Unmanifested", "binds", "link", "runtime_tree"]
+__all__ = [
+    "NODE",
+    "ORPHAN",
+    "Linking",
+    "Unmanifested",
+    "binds",
+    "link",
+    "runtime_tree",
+    "whom_to_ask",
+]
 
 NODE = "node"
 """The ``source`` of an app that is there because its node is."""
@@ -98,6 +107,24 @@ def binds(binding: RosBinding, node: str) -> bool:
         return True
     space, wanted = f"{node[: -len(name)].rstrip('/')}/", binding.namespace.strip("/")
     return space.startswith(f"/{wanted}/") if wanted else space == "/"
+
+
+def whom_to_ask(apps: Iterable[App], bound: Mapping[str, str]) -> frozenset[str] | None:
+    """The nodes of the apps, for sources that ask nodes; ``bound`` are those that were found.
+
+    ``None`` if nobody can say: no app has a node, or one has that may be called anything and is not
+    found yet.
+    """
+    found: set[str] = set()
+    for app in apps:
+        binding = app.ros_binding
+        if app.external or binding is None or not binding.node_name:
+            continue
+        if app.id not in bound and binding.namespace == "*":
+            return None
+        parts = (binding.namespace.strip("/"), binding.node_name.strip("/"))
+        found.add(bound.get(app.id) or "/" + "/".join(filter(None, parts)))
+    return frozenset(found) or None
 
 
 def runtime_tree(linking: Linking, *, show_orphans: bool) -> Tree:

@@ -319,8 +319,7 @@ def test_a_robot_that_is_heard_in_both_dialects_is_one_entity_with_two_sources(
         return set() if beacon is None else {view.adapter for view in beacon.views}
 
     within(harness, lambda: heard_by() == {"zenoh_rmw", "zenoh"}, "both sources know it")
-    (app,) = gateway.directory.apps()
-    assert app.entity.id == "engine"
+    assert list(gateway.directory.tree().apps) == ["engine"]
     beacon = gateway.directory.beacon("engine")
     assert beacon is not None
     assert not any(view.stored.conflict for view in beacon.views)

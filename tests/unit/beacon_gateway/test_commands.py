@@ -890,8 +890,8 @@ def test_the_fleet_does_as_told_and_ends_with_the_demo() -> None:
     gateway = Gateway(parse_config(document).config)
 
     def state(robot: str) -> str | None:
-        found = gateway.directory.app(f"{robot}_base")
-        return found.beacon.status.value if found and found.beacon else None
+        beacon = gateway.directory.beacon(f"{robot}_base")
+        return None if beacon is None else beacon.status.value
 
     with closing(gateway):
         gateway.start()

@@ -8,7 +8,6 @@ from typing import Any
 import attrs
 import pytest
 
-from beacon_core.entities import App, Area, Component, Function
 from beacon_core.errors import ConfigError
 from beacon_core.ports.adapter import Adapter, Malformed
 from beacon_core.skew import SkewPolicy
@@ -22,6 +21,7 @@ from beacon_gateway.config import (
     read_manifest,
 )
 from beacon_gateway.tree import entities as tree
+from beacon_gateway.tree.entities import App, Area, Component, Function, RosBinding
 from beacon_gateway.tree.manifest import Manifest
 
 
@@ -114,12 +114,11 @@ def test_every_key_is_taken(tmp_path: Path) -> None:
         skew_policy=SkewPolicy.ARRIVAL,
         options=Options("client", ("a", "b")),
     )
-    known = config.entities.known()
-    assert known.areas["hall"] == Area("hall", "Hall")
-    assert known.components["ecu"] == Component("ecu", "ECU", source="manifest")
-    assert known.apps["app"] == App("app", "App", "ecu", source="manifest")
-    assert known.functions["drive"] == Function("drive", "Drive", ("app",), source="manifest")
-    assert config.entities.ros_nodes() == {"/arm/app"}
+    known = config.entities.tree()
+    assert known.areas == {"hall": Area("hall", "Hall")}
+    assert known.components == {"ecu": Component("ecu", "ECU")}
+    assert known.apps == {"app": App("app", "App", "ecu", ros_binding=RosBinding("arm/app"))}
+    assert known.functions == {"drive": Function("drive", "Drive", ("app",))}
 
 
 def test_the_adapter_says_the_ttl_where_the_file_does_not() -> None:
@@ -138,7 +137,9 @@ def test_a_ros_node_is_given_by_its_full_name(name: str) -> None:
 @pytest.mark.parametrize("name", ["/driver", "/arm_1/left/_driver2"])
 def test_a_node_may_be_in_any_namespace(name: str) -> None:
     document = {"entities": {"apps": [{"id": "a", "ros_node": name}, {"id": "b", "ros_node": ""}]}}
-    assert parse_config(document, lookup).config.entities.ros_nodes() == {name}
+    apps = parse_config(document, lookup).config.entities.tree().apps
+    assert apps["a"].ros_binding == RosBinding(name[1:])
+    assert apps["b"].ros_binding is None
 
 
 def test_every_problem_is_reported_at_once_with_its_path() -> None:

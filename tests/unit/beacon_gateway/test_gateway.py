@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
+from contextlib import closing
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import attrs
@@ -18,7 +20,7 @@ from beacon_core.ports.health import Condition, Health
 from beacon_core.ports.sink import HintSink
 from beacon_core.wire import json
 from beacon_fake import ADAPTER as FAKE
-from beacon_gateway.config import parse_config
+from beacon_gateway.config import parse_config, read_manifest
 from beacon_gateway.gateway import Gateway
 
 if TYPE_CHECKING:
@@ -153,6 +155,50 @@ def test_where_no_app_names_its_node_the_source_finds_out_by_itself() -> None:
     assert told({"id": "a"}) is None
 
 
+class AskingAndSeeing(Asking):
+    """It sees the ROS graph too, which the test fills."""
+
+    def __init__(self, options: Options) -> None:
+        super().__init__(options)
+        self.seen: frozenset[str] = frozenset()
+
+    def set_targets(self, nodes: frozenset[str] | None) -> None:
+        self.targets = nodes
+
+    def nodes(self) -> frozenset[str]:
+        return self.seen
+
+
+def test_whom_to_ask_follows_the_manifest_and_the_graph(tmp_path: Path) -> None:
+    def lookup(name: str) -> Adapter:
+        return attrs.evolve(FAKE, name=name, options=Options, source=AskingAndSeeing)
+
+    (tmp_path / "manifest.yaml").write_text(
+        'manifest_version: "1.0"\n'
+        "apps:\n"
+        "  - {id: a, ros_binding: {node_name: driver, namespace: /arm}}\n"
+        "  - {id: b, ros_binding: {node_name: planner, namespace: '*'}}\n"
+    )
+    document = {
+        "sources": {"s": {"adapter": "asking", "ttl_s": 0.1}},
+        "manifest": "manifest.yaml",
+        "entities": {"apps": [{"id": "c", "ros_node": "/c"}]},
+    }
+    config = parse_config(document, lookup, folder=tmp_path).config
+    with closing(Gateway(config, lookup=lookup)) as made:
+        (asking,) = Faulty.made
+        assert isinstance(asking, AskingAndSeeing)
+        made.start()
+        assert asking.targets is None
+        asking.seen = frozenset({"/arm/driver", "/up/planner", "/other"})
+        eventually(lambda: asking.targets == {"/arm/driver", "/up/planner", "/c"})
+        asking.seen = frozenset()
+        eventually(lambda: asking.targets is None)
+        (tmp_path / "manifest.yaml").write_text('manifest_version: "1.0"\n')
+        made.take_config(config, read_manifest(config))
+        assert asking.targets == {"/c"}
+
+
 def test_a_source_that_listens_is_not_told_whom_to_ask() -> None:
     assert told({"id": "a", "ros_node": "/a"}, source=Faulty) is None
 
@@ -230,8 +276,7 @@ def test_a_listing_holds_together_while_entities_come_and_go(plant: Plant) -> No
     thread.start()
     try:
         for _ in range(300):
-            (found,) = plant.gateway.directory.apps()
-            assert found.entity.id == "robot"
+            assert list(plant.gateway.directory.tree().apps) == ["robot"]
     finally:
         stop.set()
         thread.join()

@@ -9,7 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from beacon_gateway.tree.entities import App, RosBinding, Tree
-from beacon_gateway.tree.linker import Linking, Unmanifested, binds, link, runtime_tree
+from beacon_gateway.tree.linker import (
+    Linking,
+    Unmanifested,
+    binds,
+    link,
+    runtime_tree,
+    whom_to_ask,
+)
 
 
 def app(app_id: str, name: str, namespace: str = "", *, external: bool | None = None) -> App:
@@ -132,3 +139,43 @@ def test_whatever_the_graph_each_node_is_counted_once_in_whatever_order_it_is_to
     assert {*found.bound, *found.unbound} == {one.id for one in known}
     shown = runtime_tree(found, show_orphans=True).apps
     assert sorted(one.bound_fqn for one in shown.values()) == sorted([*bound, *found.orphans])
+
+
+@pytest.mark.parametrize(
+    ("apps", "nodes", "asked"),
+    [
+        ([], [], None),
+        ([App("a")], ["/a"], None),
+        ([app("a", "n"), App("b")], [], {"/n"}),
+        ([app("a", "n", "/arm/")], [], {"/arm/n"}),
+        ([app("a", "n", "/arm")], ["/arm/left/n"], {"/arm/left/n"}),
+        ([app("a", "/costmap/costmap", "nav")], [], {"/nav/costmap/costmap"}),
+        ([app("a", "n", "*"), app("b", "m")], [], None),
+        ([app("a", "n", "*"), app("b", "m")], ["/x/n"], {"/x/n", "/m"}),
+        ([app("a", "n", "*"), app("b", "n", "*")], ["/x/n"], None),
+        ([app("a", "n", "*", external=True), app("b", "m")], [], {"/m"}),
+        ([App("a", ros_binding=RosBinding(topic_namespace="/t")), app("b", "m")], [], {"/m"}),
+    ],
+)
+def test_the_nodes_of_the_apps_are_asked_unless_one_may_be_called_anything(
+    apps: list[App], nodes: list[str], asked: set[str] | None
+) -> None:
+    assert whom_to_ask(apps, link(apps, nodes).bound) == asked
+
+
+@given(
+    st.lists(
+        st.builds(
+            app,
+            st.sampled_from("abc"),
+            st.sampled_from(["n", "m"]),
+            st.sampled_from(["", "/x", "*"]),
+        ),
+        unique_by=lambda one: one.id,
+    ),
+    st.frozensets(st.sampled_from(["/n", "/m", "/x/n", "/x/y/n", "/z/m"])),
+)
+def test_no_node_that_is_bound_goes_unasked(apps: list[App], nodes: frozenset[str]) -> None:
+    found = link(apps, nodes).bound
+    asked = whom_to_ask(apps, found)
+    assert asked is None or set(found.values()) <= asked
