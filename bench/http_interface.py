@@ -4,11 +4,12 @@
     python bench/http_interface.py --quick    to see that it runs
     python bench/http_interface.py --profile  where the time of one request goes
 
-Both are served by uvicorn in a process of their own. One client asks over one connection, as fast
-as it is answered, now here and now there in short turns; the best turn of each counts. So what is
-compared is the whole request, socket and HTTP included: how much of a bare server's rate is left.
-The stores are refreshed all the while, as a fleet does. Beside it: the processor time that the
-servers took for each request, which other programs on the machine hardly disturb (Linux).
+Each is served in a process of its own, the gateway as ``beacon run`` does it, the bare route by
+plain uvicorn. One client asks over one connection, as fast as it is answered, now here and now
+there in short turns. Turns that follow each other make a pair, and the median of the pairs' ratios
+counts: whatever else the machine does meets both of a pair alike. So what is compared is the whole
+request, socket and HTTP included: how much of a bare server's rate is left. The stores are
+refreshed all the while, as a fleet does. Beside it: the processor time of each request (Linux).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import cProfile
 import multiprocessing
 import pstats
 import socket
+import statistics
 import sys
 import threading
 import time
@@ -39,6 +41,7 @@ from beacon_fake import FakeNetwork, share_network
 from beacon_gateway.config import parse_config
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.http import create_app
+from beacon_gateway.server import HttpServer
 from measure import Report, options
 
 ENTITIES = 1_000
@@ -56,14 +59,17 @@ def main() -> None:
         profile()
         return
     report = Report(f"requests per second as a share of a bare route's, {ENTITIES} entities")
-    turns, seconds = (3, 0.1) if asked.quick else (30, 0.4)
+    rounds, seconds = (3, 0.1) if asked.quick else (100, 0.15)
     for path, at_least in AT_LEAST.items():
-        found = compared(path, turns, seconds)
+        found = compared(path, rounds, seconds)
         gateway, bare_, afresh = (found[name] for name in ("gateway", "bare", "afresh"))
-        report.line(f"{path}: {gateway.rate:.0f}/s, bare {bare_.rate:.0f}/s")
-        report.ratio(f"bare / gateway, {path}", bare_.rate / gateway.rate, 1 / at_least)
+        ratios = bare_.over(gateway)
+        tenths = statistics.quantiles(ratios, n=10)
+        report.line(f"{path}: {gateway.cost_us:.0f} us of processor time, bare {bare_.cost_us:.0f}")
+        report.ratio(f"bare / gateway, {path}", statistics.median(ratios), 1 / at_least)
+        report.line(f"  of ten pairs eight between {tenths[0]:.3f} and {tenths[-1]:.3f}")
         report.ratio("  the same by processor time", gateway.cost_us / bare_.cost_us)
-        report.ratio("  bare / made afresh", bare_.rate / afresh.rate)
+        report.ratio("  bare / made afresh", statistics.median(bare_.over(afresh)))
     report.finish(check=asked.check)
 
 
@@ -71,13 +77,17 @@ class Found:
     """What was measured of one server."""
 
     def __init__(self) -> None:
-        self.rate = 0.0
+        self._rates: list[float] = []
         self._spent_ns = self._requests = 0
 
     def add(self, rate: float, requests: int, spent_ns: int) -> None:
-        self.rate = max(self.rate, rate)
+        self._rates.append(rate)
         self._spent_ns += spent_ns
         self._requests += requests
+
+    def over(self, other: Found) -> list[float]:
+        """How many times the other's rate, in each of the rounds."""
+        return [mine / theirs for mine, theirs in zip(self._rates, other._rates, strict=True)]
 
     @property
     def cost_us(self) -> float:
@@ -85,9 +95,9 @@ class Found:
         return self._spent_ns / self._requests / 1e3
 
 
-def compared(path: str, turns: int, seconds: float) -> dict[str, Found]:
+def compared(path: str, rounds: int, seconds: float) -> dict[str, Found]:
     """One client that asks each in turn."""
-    found = {name: Found() for name in ("gateway", "afresh", "bare")}
+    found = {name: Found() for name in ("afresh", "gateway", "bare")}
     with contextlib.ExitStack() as stack:
         clients: dict[str, Client] = {}
         for name in found:
@@ -95,9 +105,10 @@ def compared(path: str, turns: int, seconds: float) -> dict[str, Found]:
             clients[name] = Client(*stack.enter_context(served(name, path, answer)))
         sizes = {name: len(client.get(path)) for name, client in clients.items()}
         assert max(sizes.values()) < 1.02 * min(sizes.values()), sizes
-        for _ in range(turns):
-            for name, client in clients.items():
-                found[name].add(*client.turn(path, seconds))
+        for number in range(rounds):
+            # Nobody is always first: what is left by the turn before meets each of them.
+            for name in reversed(found) if number % 2 else found:
+                found[name].add(*clients[name].turn(path, seconds))
     return found
 
 
@@ -150,7 +161,16 @@ def served(name: str, path: str, answer: bytes) -> Iterator[tuple[int, int]]:
 
 
 def serve(name: str, path: str, answer: bytes, pipe: Connection) -> None:
-    app = bare(path, answer) if name == "bare" else gateway_app(afresh=name == "afresh")
+    if name == "bare":
+        serve_bare(bare(path, answer), pipe)
+        return
+    app = gateway_app(afresh=name == "afresh")
+    with contextlib.closing(HttpServer("127.0.0.1", 0)) as server:
+        pipe.send(int(server.url.rpartition(":")[2]))
+        server.serve(app)
+
+
+def serve_bare(app: Starlette, pipe: Connection) -> None:
     with socket.create_server(("127.0.0.1", 0)) as bound:
         pipe.send(bound.getsockname()[1])
         config = uvicorn.Config(app, log_config=None, access_log=False, lifespan="off", ws="none")

@@ -30,12 +30,12 @@ from beacon_gateway.http import (
 )
 from beacon_gateway.http.answers import answer
 from beacon_gateway.http.operations import API_BASE, ApiRoute
+from beacon_gateway.http.shortcut import Shortcut
+from beacon_gateway.http.snapshots import Snapshots
 
 __all__ = ["create_app"]
 
 _FAMILIES = (
-    discovery.routes,
-    relations.routes,
     data.routes,
     resources.routes,
     faults.routes,
@@ -54,9 +54,10 @@ def create_app(gateway: Gateway, access: Access | None = None) -> Starlette:
     what the gateway's configuration says, which then stays.
     """
     access = access or Access(gateway.config.http)
+    kept = Snapshots(gateway)
     app = Starlette(
-        routes=[*_routes(gateway), *auth_routes.routes(access)],
-        middleware=[Middleware(AccessControl, access)],
+        routes=[*_routes(gateway, kept), *auth_routes.routes(access)],
+        middleware=[Middleware(AccessControl, access), Middleware(Shortcut, kept)],
         exception_handlers={
             errors.ApiError: _refuse,
             HTTPException: _unknown,
@@ -67,10 +68,11 @@ def create_app(gateway: Gateway, access: Access | None = None) -> Starlette:
     return app
 
 
-def _routes(gateway: Gateway) -> list[BaseRoute]:
+def _routes(gateway: Gateway, kept: Snapshots) -> list[BaseRoute]:
     # Asked most often, so looked at first.
-    hot = beacons.routes(gateway)
-    families = list(chain.from_iterable(family(gateway) for family in _FAMILIES))
+    hot = beacons.routes(gateway, kept)
+    families = [*discovery.routes(gateway, kept), *relations.routes(gateway, kept)]
+    families += chain.from_iterable(family(gateway) for family in _FAMILIES)
     operations = [one.operation for one in [*families, *hot] if isinstance(one, ApiRoute)]
     endpoints = [f"{one.method} {API_BASE}{one.path}" for one in operations]
     overview = server.overview_route(gateway, [*endpoints, *docs.ENDPOINTS])

@@ -24,9 +24,8 @@ __all__ = ["beacon_of", "carrier_beacon_of", "routes"]
 _OWNERS: tuple[type[App | Component], ...] = (App, Component)
 
 
-def routes(gateway: Gateway) -> list[BaseRoute]:
+def routes(gateway: Gateway, kept: Snapshots) -> list[BaseRoute]:
     """Ours, and one for each endpoint that a configured adapter brings."""
-    kept = Snapshots(gateway)
     made: list[BaseRoute] = []
     for cls in _OWNERS:
         name = cls.__name__

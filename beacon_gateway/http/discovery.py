@@ -27,9 +27,8 @@ from beacon_gateway.tree.entities import App, Area, Component, Function
 __all__ = ["routes"]
 
 
-def routes(gateway: Gateway) -> list[BaseRoute]:
+def routes(gateway: Gateway, kept: Snapshots) -> list[BaseRoute]:
     """Lists are made in threads: one of ten thousand keeps nobody waiting."""
-    kept = Snapshots(gateway)
     lists = [
         ("listApps", "/apps", "All apps", AppList, AppLines().listing),
         (

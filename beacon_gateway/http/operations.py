@@ -18,12 +18,12 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
-from starlette.types import ASGIApp, Receive, Scope, Send
 
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.http import errors
 from beacon_gateway.http.answers import JSON, to_json
 from beacon_gateway.http.models.base import as_plain
+from beacon_gateway.http.shortcut import key_of
 from beacon_gateway.http.snapshots import Snapshots
 from beacon_gateway.tree.entities import Tree
 
@@ -138,43 +138,19 @@ def route(
 ) -> ApiRoute:
     """The route of an operation that is answered by a handler.
 
-    ``kept``: where answers are kept for a moment. ``in_thread``: it may take long, and is to keep
-    nobody waiting meanwhile.
+    ``kept``: where answers are kept for a moment, for :mod:`beacon_gateway.http.shortcut` to give
+    out. ``in_thread``: it may take long, and is to keep nobody waiting meanwhile.
     """
 
     async def serve(request: Request) -> Response:
         asked = ask(gateway, operation, request)
         make = partial(_content, handler, asked)
         if kept is not None:
-            make = partial(kept.make, _key(request.scope), make)
+            make = partial(kept.make, key_of(request.scope), make)
         content = await run_in_threadpool(make) if in_thread else make()
         return Response(content, operation.status, media_type=JSON)
 
-    made = ApiRoute(operation, serve)
-    if kept is not None:
-        made.app = _Keeper(kept, made.app)
-    return made
-
-
-class _Keeper:
-    """Gives what is kept, without the way through the framework; otherwise asks for it."""
-
-    def __init__(self, kept: Snapshots, app: ASGIApp) -> None:
-        self._kept, self._app = kept, app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        content = self._kept.get(_key(scope))
-        if content is None:
-            await self._app(scope, receive, send)
-            return
-        headers = [(b"content-length", b"%d" % len(content)), (b"content-type", JSON.encode())]
-        await send({"type": "http.response.start", "status": 200, "headers": headers})
-        await send({"type": "http.response.body", "body": content})
-
-
-def _key(scope: Scope) -> tuple[object, ...]:
-    """What is kept of one route is kept apart from all others; only these make a difference."""
-    return scope["endpoint"], scope.get("root_path", ""), *scope["path_params"].values()
+    return ApiRoute(operation, serve)
 
 
 def ask(gateway: Gateway, operation: Operation, request: Request) -> Asked:

@@ -27,9 +27,8 @@ __all__ = ["routes"]
 _AREA, _COMPONENT, _APP = "/areas/{area_id}", "/components/{component_id}", "/apps/{app_id}"
 
 
-def routes(gateway: Gateway) -> list[BaseRoute]:
+def routes(gateway: Gateway, kept: Snapshots) -> list[BaseRoute]:
     """All lists are made in threads."""
-    kept = Snapshots(gateway)
     table = [
         (
             "listAreaComponents",

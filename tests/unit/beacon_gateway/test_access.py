@@ -230,6 +230,15 @@ def test_without_a_token_nothing_is_told_but_that_one_is_needed(
         )
 
 
+def test_what_was_just_answered_to_one_is_not_given_to_who_may_not_have_it(
+    doorman: Callable[..., Doorman], tokens: tuple[Path, dict[Role, str]]
+) -> None:
+    door = doorman(auth={"tokens_file": str(tokens[0])})
+    assert door.bearer(tokens[1][Role.VIEWER]).status_code == 200
+    assert door.bearer(tokens[1][Role.VIEWER]).headers["x-content-type-options"] == "nosniff"
+    assert door.ask().status_code == 401
+
+
 def test_supervisors_need_no_token(doorman: Callable[..., Doorman]) -> None:
     door = doorman(auth={}, rate_limit={"enabled": True, "client_rpm": 1})
     for _ in range(3):

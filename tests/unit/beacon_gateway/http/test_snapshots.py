@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import TYPE_CHECKING
 
+import httpx
 import pytest
+from starlette.responses import PlainTextResponse
+from starlette.routing import Mount
+from starlette.types import Receive, Scope, Send
 
 from beacon_gateway.http import snapshots
+from beacon_gateway.http.shortcut import Shortcut
 from beacon_gateway.http.snapshots import LONGEST_NS, Snapshots
 
 if TYPE_CHECKING:
@@ -64,6 +70,32 @@ def test_what_is_kept_is_bounded(heard: Plant, monkeypatch: pytest.MonkeyPatch) 
     assert kept.get("a") == b"12345"
     kept.make("c", lambda: b"1")
     assert (kept.get("a"), kept.get("b"), kept.get("c")) == (None, None, b"1")
+
+
+def test_what_is_kept_of_one_path_and_mount_is_given_for_no_other(heard: Plant) -> None:
+    async def routes(scope: Scope, receive: Receive, send: Send) -> None:
+        await PlainTextResponse("from the routes")(scope, receive, send)
+
+    kept = Snapshots(heard.gateway)
+    kept.make(("", "/a"), lambda: b"kept")
+    mounted = Mount("/robots", app=Shortcut(routes, kept))
+
+    async def ask() -> list[str]:
+        at_root = Shortcut(routes, kept)
+        asked: list[tuple[str, str, Shortcut | Mount]] = [
+            ("GET", "/a", at_root),
+            ("POST", "/a", at_root),
+            ("GET", "/b", at_root),
+            ("GET", "/robots/a", mounted),
+        ]
+        answers = []
+        for method, path, served in asked:
+            transport = httpx.ASGITransport(served)
+            async with httpx.AsyncClient(transport=transport, base_url="http://gateway") as client:
+                answers.append((await client.request(method, path)).text)
+        return answers
+
+    assert asyncio.run(ask()) == ["kept", *["from the routes"] * 3]
 
 
 def test_ages_go_on_and_a_change_of_status_is_seen_at_once(heard: Plant) -> None:
