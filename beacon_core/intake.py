@@ -85,6 +85,7 @@ class Intake:
         self._gate = FairGate(source_rate=source_rate, global_rate=global_rate)
         self._sources = Sources()
         self._memory = PayloadMemory(MAX_REMEMBERED_BYTES)
+        self._heard_ns: int | None = None
         self._dropped = {
             Verdict.SOURCE_RATE: _too_fast(Verdict.SOURCE_RATE, source_rate, "one source"),
             Verdict.GLOBAL_RATE: _too_fast(Verdict.GLOBAL_RATE, global_rate, "all sources"),
@@ -112,6 +113,7 @@ class Intake:
         refreshed: Outcome | None = None
         # Not "with": it costs twice as much, and this runs for every message.
         self._acquire()
+        self._heard_ns = now_ns
         try:
             account = self._find(source) or self._sources.meet(source)
             dropped = self._admit(account, now_ns, account.settled)
@@ -151,6 +153,7 @@ class Intake:
         Not limited in rate: a goodbye ends a claim at most once, and an announcer that closes says
         many at once.
         """
+        self._heard_ns = self._now_ns()
         account = self._account(source)
         verdict = self.store.goodbye(
             entity_id,
@@ -202,6 +205,14 @@ class Intake:
         """How many messages all sources together may send at once before some are dropped."""
         with self._lock:
             return self._gate.tokens(self._now_ns())
+
+    def silence_ns(self) -> int | None:
+        """How long ago the last message came, whatever became of it; ``None`` if none ever came.
+
+        What the carrier says of itself (:meth:`lost`) is no message.
+        """
+        heard_ns = self._heard_ns
+        return None if heard_ns is None else max(0, self._now_ns() - heard_ns)
 
     def refusals(self) -> dict[Verdict, Refusal]:
         """What was turned away so far, by verdict, each with its latest: only what occurred.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from beacon_gateway.config import EntitiesConfig
+from beacon_gateway.config import Config, EntitiesConfig
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.http.models.base import Open
 from beacon_gateway.http.models.server import (
@@ -56,7 +56,7 @@ def _discovery(gateway: Gateway) -> HealthDiscovery:
             "id_collisions": report.id_collisions,
             "filtered_by_gap_fill": 0,
         },
-        linking=None if report.linking is None else _linking(report.linking),
+        linking=None if report.linking is None else _linking(report.linking, config),
     )
 
 
@@ -69,25 +69,28 @@ def _conflict(conflict: Conflict) -> Open:
     }
 
 
-def _linking(linking: Linking) -> HealthDiscoveryLinking:
+def _linking(linking: Linking, config: Config) -> HealthDiscoveryLinking:
+    # Without a manifest there is no policy, and clients expect one: the one that does the same.
+    included = Unmanifested.INCLUDE_AS_ORPHAN if config.runtime_nodes else Unmanifested.IGNORE
     return HealthDiscoveryLinking(
         linked_count=linking.linked_count,
         orphan_count=linking.orphan_count,
         binding_conflicts=linking.binding_conflicts,
-        unmanifested_policy=linking.policy or Unmanifested.WARN,
+        unmanifested_policy=linking.policy or included,
     )
 
 
 def _source(listener: Listener) -> SourceHealth:
-    health = listener.source.health()
-    stats = listener.store.stats()
+    health, intake = listener.source.health(), listener.intake
+    stats, silence_ns = listener.store.stats(), intake.silence_ns()
     return SourceHealth(
         name=listener.name,
         adapter=listener.adapter,
         condition=health.condition.value,
         counters=dict(health.counters),
-        messages={verdict.value: n for verdict, n in listener.intake.totals().items()},
-        senders=listener.intake.source_count(),
+        messages={verdict.value: n for verdict, n in intake.totals().items()},
+        senders=intake.source_count(),
+        tokens=intake.tokens(),
         hints={
             "active": stats.active,
             "stale": stats.stale,
@@ -99,5 +102,6 @@ def _source(listener: Listener) -> SourceHealth:
             "refused": stats.refused,
             "restarts": stats.restarts,
         },
+        last_message_sec=None if silence_ns is None else silence_ns / 1e9,
         detail=health.detail or None,
     )

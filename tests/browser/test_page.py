@@ -76,6 +76,10 @@ def test_the_page_shows_who_there_is(stage: Any, look: Look, eventually: Eventua
     sources = page.locator("#sources li")
     assert sources.count() == 2
     eventually(lambda: "up" in sources.nth(1).inner_text())
+    heard = sources.nth(1).locator("dl").inner_text()
+    for shown in ("last message", " s ago", "tokens left"):
+        assert shown in heard
+    assert "never" in sources.nth(0).locator("dl").inner_text()
     for name, path in (
         ("JSON", "/api/v1/x-medkit-beacon"),
         ("API", "/api/v1/docs"),

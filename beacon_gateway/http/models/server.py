@@ -161,7 +161,11 @@ class SourceHealth:
     counters: Open
     messages: Open
     senders: int
+    tokens: float
+    """Messages that all senders together may send at once before some are dropped."""
     hints: Open
+    last_message_sec: float | None = None
+    """Seconds since the last message; ``None`` if none ever came."""
     detail: str | None = None
 
 

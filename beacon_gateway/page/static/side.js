@@ -1,6 +1,6 @@
 // What has happened, and how the sources are doing.
 
-import { count, counter, element, hashOf, say } from './dom.js';
+import { count, counter, duration, element, hashOf, say } from './dom.js';
 
 const KEPT = 200;
 const BAD = ['too-large', 'malformed', 'invalid', 'fault'];
@@ -108,12 +108,13 @@ export class Sources {
     say(item.detail, source.detail ?? '');
     item.meter.style.setProperty('--age', `${(100 * held) / Math.max(1, room)}%`);
     const facts = [rate || '–', count(source.senders), `${count(held)} / ${count(room)}`,
-      count(sum(messages, BAD)), count(sum(messages, LIMITED)), count(messages['store-full'] ?? 0)];
+      count(sum(messages, BAD)), count(sum(messages, LIMITED)), count(messages['store-full'] ?? 0),
+      source.last_message_sec === undefined ? 'never' : `${duration(source.last_message_sec)} ago`, count(Math.floor(source.tokens))];
     facts.forEach((fact, index) => say(item.facts[index], fact));
   }
 
   made(source) {
-    const names = ['messages/s', 'senders', 'held', 'unreadable', 'too fast', 'no room'];
+    const names = ['messages/s', 'senders', 'held', 'unreadable', 'too fast', 'no room', 'last message', 'tokens left'];
     const facts = names.map(() => element('dd', '', '–'));
     const list = element('dl', '', ...names.map((name, index) => element('div', '', element('dt', '', name), facts[index])));
     const condition = element('span', 'condition');

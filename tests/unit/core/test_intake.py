@@ -492,3 +492,23 @@ def test_what_all_sources_may_still_say_can_be_asked(make: Callable[..., Road]) 
     assert road.intake.tokens() == 50
     road.offer(entity_id="a")
     assert road.intake.tokens() == 49
+
+
+def test_the_time_since_the_last_message_is_known_whatever_became_of_it(
+    make: Callable[..., Road],
+) -> None:
+    road = make(source_rate=1)
+    assert road.intake.silence_ns() is None
+    road.offer(entity_id="a")
+    road.clock.advance(3 * S)
+    assert road.intake.silence_ns() == 3 * S
+    road.intake.offer(b"not JSON", "r1")
+    assert road.intake.silence_ns() == 0
+    road.clock.advance(S // 2)
+    assert road.intake.offer(b"not JSON", "r1").verdict is Verdict.SOURCE_RATE
+    assert road.intake.silence_ns() == 0
+    road.clock.advance(S)
+    road.intake.lost("a", "r1")
+    assert road.intake.silence_ns() == S
+    road.intake.goodbye("a", "r1")
+    assert road.intake.silence_ns() == 0
