@@ -27,7 +27,7 @@ from beacon_core.store import HintStore
 from beacon_core.stored import StoredHint
 from beacon_core.validator import Rejected, validate
 
-__all__ = ["SnapshotConfig", "SnapshotFile", "Snapshots"]
+__all__ = ["DamagedError", "SnapshotConfig", "SnapshotFile", "Snapshots"]
 
 _log = logging.getLogger(__name__)
 

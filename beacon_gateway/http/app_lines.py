@@ -12,12 +12,12 @@ from collections.abc import Mapping
 import attrs
 import orjson
 
-from beacon_gateway.http.answers import to_json
 from beacon_gateway.http.blocks import Life
 from beacon_gateway.http.items import Items
 from beacon_gateway.http.models.base import as_plain
 from beacon_gateway.http.operations import Asked
 from beacon_gateway.tree.entities import App
+from beacon_gateway.writing import to_json
 
 __all__ = ["AppLines"]
 

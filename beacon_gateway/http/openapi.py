@@ -9,7 +9,7 @@ from beacon_gateway.http.models.server import GenericError
 from beacon_gateway.http.operations import Operation
 from beacon_gateway.http.schemas import Schemas
 
-__all__ = ["document", "scoped"]
+__all__ = ["SOVD_VERSION", "document", "scoped"]
 
 SOVD_VERSION = "1.0.0"
 """Of the standard whose paths and collections these are."""

@@ -21,11 +21,11 @@ from starlette.routing import Route
 
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.http import errors
-from beacon_gateway.http.answers import JSON, to_json
 from beacon_gateway.http.models.base import as_plain
 from beacon_gateway.http.shortcut import key_of
 from beacon_gateway.http.snapshots import Snapshots
 from beacon_gateway.tree.entities import Tree
+from beacon_gateway.writing import JSON, to_json
 
 __all__ = [
     "API_BASE",
@@ -68,7 +68,10 @@ class Asked:
 
 
 Handler: TypeAlias = Callable[[Asked], object]
+"""From what was asked to the answer's body; refuses by raising ``ApiError``."""
+
 Serve: TypeAlias = Callable[[Request], Awaitable[Response]]
+"""From a request to its response, as Starlette calls it."""
 
 
 @attrs.frozen(kw_only=True)

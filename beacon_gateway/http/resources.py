@@ -30,6 +30,8 @@ __all__ = ["FAULT_STATUS", "no_faults", "routes"]
 FAULT_STATUS = Parameter(
     name="status", choices=("pending", "confirmed", "cleared", "healed", "all")
 )
+"""Which faults are asked for; checked although there are none, as clients expect."""
+
 _SEVERITY = Parameter(name="severity", choices=("debug", "info", "warning", "error", "fatal"))
 
 _Empty = Callable[[Entity], object]

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from beacon_gateway.http.answers import JSON
 from beacon_gateway.http.snapshots import Snapshots
+from beacon_gateway.writing import JSON
 
 __all__ = ["Shortcut", "key_of"]
 

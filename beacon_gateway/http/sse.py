@@ -11,11 +11,13 @@ from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
 from beacon_gateway.http import errors
-from beacon_gateway.http.answers import to_json
+from beacon_gateway.writing import to_json
 
-__all__ = ["KEEPALIVE", "KEEPALIVE_S", "EventResponse", "Places", "event", "pause"]
+__all__ = ["KEEPALIVE", "KEEPALIVE_S", "STUCK_S", "EventResponse", "Places", "event", "pause"]
 
 KEEPALIVE = b":keepalive\n\n"
+"""A comment: clients that read events pass over it."""
+
 KEEPALIVE_S = 15.0
 """How often a client hears something, so that it and all between know that the line is up."""
 

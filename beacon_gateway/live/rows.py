@@ -7,10 +7,7 @@ everybody. ``full`` adds the rest, for an entity that somebody looks at.
 from __future__ import annotations
 
 import datetime as dt
-import json
 from collections.abc import Mapping
-
-import orjson
 
 from beacon_core.outcome import Refusal, Verdict
 from beacon_core.response import build_response
@@ -19,7 +16,7 @@ from beacon_gateway.gateway import Gateway
 from beacon_gateway.live.feed import Event
 from beacon_gateway.views import Beacon, View
 
-__all__ = ["Writer", "encoded", "sse"]
+__all__ = ["Writer", "sse"]
 
 _API_BASE = "/api/v1"
 
@@ -34,15 +31,6 @@ _COLLECTIONS = {"App": "apps", "Component": "components"}
 """By the kind of an entity; hints are about these two."""
 
 _Body = dict[str, object]
-
-
-def encoded(body: object) -> bytes:
-    """JSON that can always be sent: half a surrogate pair becomes a question mark."""
-    try:
-        return orjson.dumps(body)
-    except TypeError:
-        text = json.dumps(body, ensure_ascii=False, separators=(",", ":"))
-        return text.encode("utf-8", errors="replace")
 
 
 def sse(kind: str, data: bytes, event_id: str = "") -> bytes:

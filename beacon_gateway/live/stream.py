@@ -15,7 +15,8 @@ from starlette.responses import JSONResponse, Response
 from starlette.types import Receive, Scope, Send
 
 from beacon_gateway.live.hub import STUCK_S, Client, Full, Hub
-from beacon_gateway.live.rows import encoded, sse
+from beacon_gateway.live.rows import sse
+from beacon_gateway.writing import to_json
 
 __all__ = ["EventStream", "full"]
 
@@ -116,7 +117,7 @@ async def _put(send: Send, data: bytes) -> None:
 
 async def _end(send: Send, kind: str, reason: str) -> None:
     async with asyncio.timeout(STUCK_S):
-        data = sse(kind, encoded({"reason": reason}))
+        data = sse(kind, to_json({"reason": reason}))
         await send({"type": "http.response.body", "body": data})
 
 

@@ -16,8 +16,9 @@ import attrs
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.live.feed import Feed, gist
 from beacon_gateway.live.ring import Frame, Ring
-from beacon_gateway.live.rows import Writer, encoded, sse
+from beacon_gateway.live.rows import Writer, sse
 from beacon_gateway.views import Beacon
+from beacon_gateway.writing import to_json
 
 __all__ = ["LiveView", "Snapshot"]
 
@@ -105,11 +106,11 @@ class LiveView:
             "gone": gone,
             "x-medkit": {"total_count": count},
         }
-        return encoded(body)
+        return to_json(body)
 
     def _advance(self) -> None:
         for event in self._feed.advance(self.clock.monotonic_ns()):
-            data = encoded(self.writer.event(event))
+            data = to_json(self.writer.event(event))
             frame = sse(event.type.value, data, self.revision(event.number))
             entity_id = event.name if event.beacon is not None else ""
             self.ring.append(Frame(event.number, entity_id, frame))
@@ -125,7 +126,7 @@ class LiveView:
             "expected": self.writer.expected(),
             "items": [self.writer.row(*self._aged(*one)) for one in beacons],
         }
-        return Snapshot(number, at_ns, sse("snapshot", encoded(body), revision))
+        return Snapshot(number, at_ns, sse("snapshot", to_json(body), revision))
 
     def _aged(self, entity_id: str, told: Beacon) -> tuple[str, Beacon]:
         """As told, but as old as it is now: refreshes are not told."""

@@ -57,21 +57,29 @@ class _Item:
 
 @attrs.frozen(kw_only=True)
 class AreaListItem(_Item):
+    """An area as a list tells of it."""
+
     x_medkit: XMedkitArea | None = optional_key("x-medkit")
 
 
 @attrs.frozen(kw_only=True)
 class ComponentListItem(_Item):
+    """A component as a list tells of it."""
+
     x_medkit: XMedkitComponent | None = optional_key("x-medkit")
 
 
 @attrs.frozen(kw_only=True)
 class AppListItem(_Item):
+    """An app as a list tells of it."""
+
     x_medkit: XMedkitApp | None = optional_key("x-medkit")
 
 
 @attrs.frozen(kw_only=True)
 class FunctionListItem(_Item):
+    """A function as a list tells of it."""
+
     x_medkit: XMedkitFunction | None = optional_key("x-medkit")
 
 
@@ -85,21 +93,29 @@ class Listing:
 
 @attrs.frozen(kw_only=True)
 class AreaList(Listing):
+    """Some areas, in no order that can be relied on."""
+
     items: Sequence[AreaListItem]
 
 
 @attrs.frozen(kw_only=True)
 class ComponentList(Listing):
+    """Some components, in no order that can be relied on."""
+
     items: Sequence[ComponentListItem]
 
 
 @attrs.frozen(kw_only=True)
 class AppList(Listing):
+    """Some apps, in no order that can be relied on."""
+
     items: Sequence[AppListItem]
 
 
 @attrs.frozen(kw_only=True)
 class FunctionList(Listing):
+    """Some functions, in no order that can be relied on."""
+
     items: Sequence[FunctionListItem]
 
 
@@ -125,6 +141,8 @@ class _Detail:
 
 @attrs.frozen(kw_only=True)
 class AreaDetail(_Detail):
+    """One area, with the addresses of what is within it."""
+
     subareas: str
     components: str
     contains: str
@@ -133,6 +151,8 @@ class AreaDetail(_Detail):
 
 @attrs.frozen(kw_only=True)
 class ComponentDetail(_Detail):
+    """One component, with the addresses of what it is made of, hosts and needs."""
+
     status: str
     subcomponents: str
     hosts: str
@@ -145,6 +165,8 @@ class ComponentDetail(_Detail):
 
 @attrs.frozen(kw_only=True)
 class AppDetail(_Detail):
+    """One app, with the addresses of what hosts it and of what it needs."""
+
     status: str
     cyclic_subscriptions: str = key("cyclic-subscriptions")
     translation_id: str | None = None
@@ -157,6 +179,8 @@ class AppDetail(_Detail):
 
 @attrs.frozen(kw_only=True)
 class FunctionDetail(_Detail):
+    """One function, with the addresses of the apps that take part in it."""
+
     hosts: str
     x_medkit_graph: str = key("x-medkit-graph")
     cyclic_subscriptions: str = key("cyclic-subscriptions")

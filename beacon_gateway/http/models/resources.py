@@ -87,6 +87,8 @@ class FaultListResult:
 
 @attrs.frozen(kw_only=True)
 class XMedkitOperationItem:
+    """What ROS says of an operation; clients know the form, here nothing fills it."""
+
     available: bool | None = None
     entity_id: str | None = None
     member_ids: Sequence[str] | None = None
@@ -97,6 +99,8 @@ class XMedkitOperationItem:
 
 @attrs.frozen(kw_only=True)
 class OperationItem:
+    """Something an entity could be told to do; here no entity has any."""
+
     id: str
     name: str
     proximity_proof_required: bool
@@ -113,12 +117,16 @@ class OperationList(Listing):
 
 @attrs.frozen(kw_only=True)
 class ConfigXMedkitItem:
+    """The node that has a parameter; here no entity tells of one."""
+
     node: str | None = None
     source: str | None = None
 
 
 @attrs.frozen(kw_only=True)
 class ConfigurationMetaData:
+    """A parameter as a list tells of it; here no entity has any."""
+
     id: str
     name: str
     type: str
@@ -154,6 +162,8 @@ class ConfigurationList:
 
 @attrs.frozen(kw_only=True)
 class LogContext:
+    """Where in a program a line was logged."""
+
     node: str
     file: str | None = None
     function: str | None = None
@@ -162,6 +172,8 @@ class LogContext:
 
 @attrs.frozen(kw_only=True)
 class LogEntry:
+    """One line of a log; here no entity has any."""
+
     id: str
     timestamp: str
     severity: str

@@ -65,6 +65,8 @@ class RootCapabilities:
 
 @attrs.frozen(kw_only=True)
 class RootAuth:
+    """What needs a token, and which algorithm signs it; only there if something does."""
+
     enabled: bool
     algorithm: str
     require_auth_for: str
@@ -72,6 +74,8 @@ class RootAuth:
 
 @attrs.frozen(kw_only=True)
 class RootTls:
+    """The oldest version of TLS that is taken; only there if the gateway serves TLS itself."""
+
     enabled: bool
     min_version: str
 
@@ -91,12 +95,16 @@ class RootOverview:
 
 @attrs.frozen(kw_only=True)
 class VersionInfoVendor:
+    """Who made the server, and which version of it this is."""
+
     version: str
     name: str
 
 
 @attrs.frozen(kw_only=True)
 class VersionInfoEntry:
+    """One version of the interface, and where it is served."""
+
     version: str
     base_uri: str
     vendor_info: VersionInfoVendor | None = None
@@ -104,6 +112,8 @@ class VersionInfoEntry:
 
 @attrs.frozen(kw_only=True)
 class XMedkitVersionInfo:
+    """Which other gateways could not be asked; this one asks none."""
+
     failed_peers: Sequence[str] | None = None
     partial: bool | None = None
 
@@ -117,12 +127,16 @@ class VersionInfo:
 
 
 class WarningCode(enum.StrEnum):
+    """What a warning is about."""
+
     LEAF_ID_COLLISION = "leaf_id_collision"
     UNMANIFESTED_NODES = "unmanifested_nodes"
 
 
 @attrs.frozen(kw_only=True)
 class HealthWarning:
+    """Something that works, but not as its owner will have meant it."""
+
     code: WarningCode
     message: str
     entity_ids: Sequence[str]

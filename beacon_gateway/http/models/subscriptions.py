@@ -28,6 +28,8 @@ class Interval(enum.StrEnum):
 
 @attrs.frozen(kw_only=True)
 class CyclicSubscription:
+    """One subscription: what is sent, how often, and where it can be read."""
+
     id: str
     observed_resource: str
     event_source: str
@@ -37,6 +39,8 @@ class CyclicSubscription:
 
 @attrs.frozen(kw_only=True)
 class CyclicSubscriptionList(Listing):
+    """The subscriptions of one entity."""
+
     items: Sequence[CyclicSubscription]
 
 

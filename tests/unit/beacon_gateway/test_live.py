@@ -15,9 +15,9 @@ import pytest
 
 from beacon_gateway.live.hub import Hub
 from beacon_gateway.live.ring import Frame, Ring
-from beacon_gateway.live.rows import encoded
 from beacon_gateway.live.stream import EventStream
 from beacon_gateway.live.view import LiveView
+from beacon_gateway.writing import to_json
 
 PATH = "/api/v1/x-medkit-beacon"
 
@@ -453,7 +453,7 @@ def test_an_entity_the_tree_does_not_take_in_has_no_address(
 
 
 def test_what_is_no_text_can_be_sent_all_the_same() -> None:
-    assert encoded({"reason": "half \ud800"}) == b'{"reason":"half ?"}'
+    assert to_json({"reason": "half \ud800"}) == b'{"reason":"half ?"}'
 
 
 def test_the_ring_forgets_the_oldest_by_number_and_by_bytes() -> None:
