@@ -28,6 +28,8 @@ class Directory:
         departures: Departures,
         settings: TreeSettings,
     ) -> None:
+        self.known_revision = 0
+        """Rises when others are known beforehand."""
         self._listeners = listeners
         self._departures = departures
         self._keeper = TreeKeeper(
@@ -45,6 +47,7 @@ class Directory:
     def take_manifest(self, manifest: Manifest) -> None:
         """Put another manifest in the place of the one there is."""
         self._keeper.take_manifest(manifest)
+        self.known_revision += 1
 
     def listen(self) -> None:
         """Take note of who has been heard; to be called more often than hints expire."""

@@ -64,6 +64,8 @@ class EventType(enum.StrEnum):
     full store."""
     REJECTED = "rejected"
     """A source has refused messages."""
+    EXPECTED = "expected"
+    """Others are known beforehand: the manifest or the configuration was read again."""
 
 
 _OF_STATUS = {
@@ -81,9 +83,9 @@ class Event:
     """One above that of the event before."""
     type: EventType
     name: str
-    """The entity's id; of a ``REJECTED`` the source's name."""
+    """The entity's id; of a ``REJECTED`` the source's name, of an ``EXPECTED`` empty."""
     beacon: Beacon | None = None
-    """As it is now; as it was last if it is ``EXPIRED``; ``None`` if it is ``REJECTED``."""
+    """As it is now; as it was last if it is ``EXPIRED``; ``None`` if it is about none."""
     refusals: Mapping[Verdict, Refusal] = attrs.field(factory=dict)
     """Since the last such event of this source; only of a ``REJECTED``."""
 
@@ -135,6 +137,10 @@ class Feed:
             self._refusals_due_ns = now_ns + _REFUSALS_EVERY_NS
             events += self._rejections()
         return events
+
+    def others_are_expected(self) -> Event:
+        """The next event, of that kind."""
+        return self._event(EventType.EXPECTED, "")
 
     def _collect(self) -> None:
         for index, listener in enumerate(self._listeners):

@@ -13,7 +13,7 @@ from beacon_core.outcome import Refusal, Verdict
 from beacon_core.response import build_response
 from beacon_core.stored import StoredHint
 from beacon_gateway.gateway import Gateway
-from beacon_gateway.live.feed import Event
+from beacon_gateway.live.feed import Event, EventType
 from beacon_gateway.views import Beacon, View
 
 __all__ = ["Writer", "sse"]
@@ -53,9 +53,12 @@ class Writer:
     def event(self, event: Event) -> _Body:
         """An event's body."""
         told: _Body
-        if event.beacon is None:
+        kind: object
+        if event.type is EventType.EXPECTED:
+            told, kind = {"expected": self.expected()}, "gateway"
+        elif event.beacon is None:
             told = {"rejected": _rejected(event.name, event.refusals)}
-            kind: object = "source"
+            kind = "source"
         else:
             row = self.row(event.name, event.beacon)
             told, kind = {"beacon": row}, row["type"]

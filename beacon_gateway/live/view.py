@@ -46,6 +46,7 @@ class LiveView:
         self.ring = Ring() if ring is None else ring
         self._epoch = secrets.token_hex(4)
         self._directory = gateway.directory
+        self._known_revision = gateway.directory.known_revision
         self._feed = Feed(gateway.listeners, gateway.directory.beacon, self.clock.monotonic_ns())
         self._lock = threading.Lock()
         self._building = threading.Lock()
@@ -53,7 +54,8 @@ class LiveView:
 
     def behind(self) -> bool:
         """Is there anything for :meth:`advance` to look at?"""
-        return self._feed.behind(self.clock.monotonic_ns())
+        others = self._known_revision != self._directory.known_revision
+        return others or self._feed.behind(self.clock.monotonic_ns())
 
     def advance(self) -> None:
         """Take the next changes into the ring."""
@@ -109,7 +111,11 @@ class LiveView:
         return to_json(body)
 
     def _advance(self) -> None:
-        for event in self._feed.advance(self.clock.monotonic_ns()):
+        events = self._feed.advance(self.clock.monotonic_ns())
+        if self._known_revision != self._directory.known_revision:
+            self._known_revision = self._directory.known_revision
+            events.append(self._feed.others_are_expected())
+        for event in events:
             data = to_json(self.writer.event(event))
             frame = sse(event.type.value, data, self.revision(event.number))
             entity_id = event.name if event.beacon is not None else ""

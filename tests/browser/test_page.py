@@ -10,6 +10,9 @@ from typing import Any
 
 import pytest
 
+from beacon_gateway.tree.entities import App, Tree
+from beacon_gateway.tree.manifest import Manifest
+
 pytestmark = pytest.mark.system
 
 Look = Callable[..., Any]
@@ -207,6 +210,68 @@ def test_dependencies_are_a_graph_that_can_be_walked(
     graph.get_by_text("needed by 2").wait_for()
     page.go_back()
     eventually(lambda: page.locator("#drawer-title").inner_text() == "Safety supervisor 01")
+
+
+def test_whether_all_that_is_needed_is_there_is_told_with_the_way_to_what_is_not(
+    stage: Any, look: Look, eventually: Eventually
+) -> None:
+    stage.announce("bus", robot="bus")
+    stage.announce("driver", depends_on=("bus",))
+    stage.announce("planner", depends_on=("driver", "camera"))
+    intake = stage.gateway.listeners[1].intake
+    intake.offer(b'{"entity_id": "camera"}', "wire")
+    page = look(stage.url + "/#entity=planner")
+    line = page.locator("#drawer .rollup")
+    line.get_by_text("All it depends on is active.").wait_for()
+    intake.lost("camera", "wire", reason=XSS)
+    eventually(lambda: XSS[:30] in line.inner_text())
+    assert page.evaluate("window.hacked") is None
+    assert page.locator("#drawer img, #drawer script").count() == 0
+    intake.offer(b'{"entity_id": "camera"}', "wire")
+    stage.crash("bus")
+    line.get_by_text("planner → driver → bus").wait_for()
+    assert "bus is stale" in line.inner_text()
+    assert line.evaluate("(p) => p.nextElementSibling.className") == "graph"
+    page.evaluate("location.hash = '#entity=bus'")
+    eventually(lambda: page.locator("#drawer-title").inner_text() == "bus")
+    page.locator("#drawer .graph").wait_for()
+    assert line.count() == 0, "it needs nobody"
+
+
+def test_of_two_sources_words_the_page_uses_the_same_everywhere(
+    stage: Any, look: Look, eventually: Eventually
+) -> None:
+    stage.announce("lidar", display_name="New lidar")
+    page = look(stage.url + "/#entity=lidar")
+    row(page, "New lidar").wait_for()
+    stage.announce("lidar", source="topic", display_name="Old lidar")
+    shown = """() => [
+      document.getElementById('drawer-title').textContent,
+      document.querySelector('#drawer .node.chosen text').textContent,
+      [...document.querySelectorAll('#canvas .row:not([hidden])')]
+        .find((row) => row.textContent.includes('topic')).querySelector('b').textContent,
+    ]"""
+    for number in range(6):  # each makes the drawer draw the graph again
+        stage.announce(f"user{number}", robot=f"u{number}", depends_on=("lidar",))
+        page.get_by_text(f"needed by {number + 1}").wait_for()
+        eventually(lambda: len(set(page.evaluate(shown))) == 1)
+        page.wait_for_timeout(700)  # both sources speak, and the drawer asks, again
+        assert len(set(page.evaluate(shown))) == 1
+
+
+def test_who_is_missed_follows_another_manifest(
+    expecting_stage: Any, look: Look, eventually: Eventually
+) -> None:
+    expecting_stage.announce("stranger")
+    page = look(expecting_stage.url)
+    eventually(lambda: set(rows(page)) == {"Overhead crane", "stranger"})
+    apps = {"dock": App("dock", "Charging dock"), "stranger": App("stranger")}
+    gateway = expecting_stage.gateway
+    gateway.take_config(gateway.config, Manifest(Tree(apps=apps)))
+    eventually(lambda: set(rows(page)) == {"Charging dock", "stranger"})
+    assert page.locator(".tile[data-status=expected] b").inner_text() == "1"
+    expecting_stage.crash("r")
+    eventually(lambda: page.locator(".tile[data-status=expected] b").inner_text() == "2")
 
 
 def test_the_history_of_restarts_is_told(stage: Any, look: Look, eventually: Eventually) -> None:

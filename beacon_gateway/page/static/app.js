@@ -43,6 +43,7 @@ const sources = new Sources(at('sources'), {
 const drawer = new Drawer(model, {
   node: at('drawer'), title: at('drawer-title'), detail: at('detail'), close: at('close'),
   ask: (query) => ask(`x-medkit-beacon${query}`),
+  about: (href) => ask(new URL(`.${href}`, document.baseURI)),
   closed: () => {
     history.replaceState(null, '', location.pathname + location.search);
     at('grid').focus();
@@ -55,7 +56,7 @@ const stream = new Stream(new URL('x-medkit-beacon/stream', api), {
     if (kind === 'snapshot') model.replace(body);
     else {
       model.apply(kind, body);
-      events.add(kind, body);
+      if (kind !== 'expected') events.add(kind, body);
       if (body.beacon) {
         table.flash(body.beacon.entity_id);
         if (body.beacon.entity_id === drawer.entityId) drawer.refresh();

@@ -1,7 +1,7 @@
 // One entity, with all that is known of it.
 
 import { duration, element, say } from './dom.js';
-import { graph } from './graph.js';
+import { graph, rollUp } from './graph.js';
 import { drawAge } from './table.js';
 
 const FIELDS = [
@@ -74,8 +74,8 @@ function claims(all) {
 }
 
 export class Drawer {
-  constructor(model, { node, title, detail, close, ask, closed }) {
-    Object.assign(this, { model, node, title, detail, ask, closed });
+  constructor(model, { node, title, detail, close, ask, about, closed }) {
+    Object.assign(this, { model, node, title, detail, ask, about, closed });
     this.entityId = '';
     this.drawn = '';
     this.ages = [];
@@ -104,7 +104,10 @@ export class Drawer {
     const entityId = this.entityId;
     if (!entityId) return;
     const body = await this.ask(`?full=true&id=${encodeURIComponent(entityId)}`);
-    if (body && this.entityId === entityId) this.draw(body.items[0], body.timestamp);
+    if (!body || this.entityId !== entityId) return;
+    const row = body.items[0];
+    const entity = row?.href ? await this.about(row.href) : null;
+    if (this.entityId === entityId) this.draw(row, body.timestamp, entity?.['x-medkit']);
   }
 
   leave() {
@@ -115,7 +118,7 @@ export class Drawer {
     this.closed();
   }
 
-  draw(row, timestamp) {
+  draw(row, timestamp, about) {
     if (!row) {
       this.drawn = '';
       this.detail.replaceChildren(element('p', 'gone', 'Nothing is heard of this entity: it has expired, or was never heard.'));
@@ -128,35 +131,43 @@ export class Drawer {
     this.row = row;
     const needs = [...new Set(row.sources.flatMap((one) => one.hint.depends_on))];
     const neededBy = this.model.dependents(row.entity_id);
-    const around = [...needs, ...neededBy].map((id) => this.model.rows.get(id)?.status);
+    // The table's word, for title and graph too: of several sources each answer has another's.
+    const name = this.nameOf(row.entity_id) || row.display_name || row.entity_id;
+    const around = [...needs, ...neededBy].map((id) => [this.model.rows.get(id)?.status, this.nameOf(id)]);
+    const whole = [about?.depends_on_active, about?.depends_on_reason, about?.reason_chain];
     // Whatever rises by itself is no reason to build it anew: a reader would lose the place.
     const ageless = (key, value) => (key === 'age_sec' || key === 'first_seen_sec' || key === 'heard' || key === 'firstMs' ? 0 : value);
     const { status, conflict, restarts, sources, claims } = row;
-    const gist = JSON.stringify([status, conflict, restarts, sources, claims, neededBy, around], ageless);
-    if (gist !== this.drawn) this.build(row, needs, neededBy);
+    const gist = JSON.stringify([name, status, conflict, restarts, sources, claims, neededBy, around, whole], ageless);
+    if (gist !== this.drawn) this.build(row, name, needs, neededBy, rollUp(about));
     this.drawn = gist;
     this.tick();
   }
 
-  build(row, needs, neededBy) {
-    say(this.title, row.display_name || row.entity_id);
+  nameOf(entityId) {
+    return this.model.rows.get(entityId)?.display_name;
+  }
+
+  build(row, name, needs, neededBy, whole) {
+    say(this.title, name);
     this.ages = [];
     this.bar = element('i', 'bar');
     this.age = element('span', 'age');
     const head = element('div', 'summary', status(row.conflict ? 'conflict' : row.status),
       element('code', '', row.entity_id), this.bar, this.age);
     const links = element('p', 'links');
-    for (const [name, href] of [['entity', row.href], ['beacon', row.href && `${row.href}/x-medkit-beacon`]]) {
+    for (const [what, href] of [['entity', row.href], ['beacon', row.href && `${row.href}/x-medkit-beacon`]]) {
       if (!href) continue;
-      const link = element('a', '', `${name} as JSON`);
+      const link = element('a', '', `${what} as JSON`);
       link.href = new URL(`.${href}`, document.baseURI).href;
       links.append(link);
     }
-    const picture = graph(this.model, row.entity_id, needs, neededBy);
+    const picture = graph(this.model, row.entity_id, name, needs, neededBy);
+    const dependencies = [whole, picture].filter(Boolean);
     const parts = [head];
     if (row.conflict) parts.push(section('Who claims this id', claims(row.claims)));
     parts.push(section(row.sources.length > 1 ? 'As each source has it' : 'What it says', sideBySide(row.sources, FIELDS, this.ages)));
-    if (picture) parts.push(section('Dependencies', picture));
+    if (dependencies.length) parts.push(section('Dependencies', ...dependencies));
     const restarts = row.restarts === 1 ? '1 restart' : `${row.restarts} restarts`;
     parts.push(section(`History, ${restarts}`, history(row.sources, 'Nothing but ordinary words since it was first heard.')), links);
     this.detail.replaceChildren(...parts);

@@ -10,11 +10,11 @@ const WIDTH = 460;
 
 const short = (text) => (text.length > 17 ? `${text.slice(0, 16)}…` : text);
 
-function box(model, entityId, x, y, chosen) {
+function box(model, entityId, x, y, chosen = '') {
   const row = model.rows.get(entityId);
   const heard = row && row.status !== 'expected';
   const status = heard ? (row.conflict ? 'conflict' : row.status) : 'missing';
-  const name = row?.display_name || entityId;
+  const name = chosen || row?.display_name || entityId;
   const title = drawn('title', {});
   title.textContent = `${name} (${entityId}): ${heard ? status : 'not heard'}`;
   const text = drawn('text', { x: x + WIDE / 2, y: y + HIGH / 2 + 4, 'text-anchor': 'middle' });
@@ -31,8 +31,18 @@ function column(model, ids, x, height) {
   return shown.map((id, index) => ({ id, y: top + index * (HIGH + GAP), x }));
 }
 
+/** Whether all that it needs is there, or what is not and by which way; nothing if it needs nobody. */
+export function rollUp(about) {
+  const active = about?.depends_on_active;
+  if (active === undefined) return null;
+  const line = element('p', 'rollup', active ? 'All it depends on is active.'
+    : `${about.depends_on_reason}: ${about.reason_chain.join(' → ')}`);
+  line.dataset.active = active;
+  return line;
+}
+
 /** The graph, or nothing if there is none. */
-export function graph(model, entityId, needs, neededBy) {
+export function graph(model, entityId, name, needs, neededBy) {
   if (!needs.length && !neededBy.length) return null;
   const most = Math.min(MOST, Math.max(needs.length, neededBy.length, 1));
   const height = most * (HIGH + GAP) - GAP + 8;
@@ -45,8 +55,8 @@ export function graph(model, entityId, needs, neededBy) {
   const svg = drawn('svg', { viewBox: `0 0 ${WIDTH} ${height}`, role: 'group', 'aria-label': 'Dependencies' },
     ...left.map((one) => line(one.x + WIDE, one.y, middle.x, middle.y)),
     ...right.map((one) => line(middle.x + WIDE, middle.y, one.x, one.y)),
-    ...[...left, ...right].map((one) => box(model, one.id, one.x, one.y, false)),
-    box(model, entityId, middle.x, middle.y, true));
+    ...[...left, ...right].map((one) => box(model, one.id, one.x, one.y)),
+    box(model, entityId, middle.x, middle.y, name));
   const more = (ids) => (ids.length > MOST ? `, ${ids.length - MOST} more` : '');
   return element('figure', 'graph',
     element('figcaption', '', element('span', '', `needed by ${neededBy.length}${more(neededBy)}`),

@@ -2,6 +2,8 @@
 
 const RANK = { stale: 1, expected: 2, left: 3, active: 4 };
 
+const byId = (all) => new Map(all.map((one) => [one.entity_id, one]));
+
 /** What to call a status. */
 export const STATUS = { expected: 'not heard' };
 
@@ -20,7 +22,7 @@ export class Model {
   replace(snapshot) {
     this.tick(snapshot.timestamp);
     this.sources = snapshot.sources;
-    this.expected = new Map(snapshot.expected.map((one) => [one.entity_id, one]));
+    this.expected = byId(snapshot.expected);
     const heard = this.rows;
     this.rows = new Map();
     for (const row of snapshot.items) this.put(row, snapshot.timestamp, heard.get(row.entity_id));
@@ -31,6 +33,7 @@ export class Model {
   /** One event. */
   apply(kind, body) {
     this.tick(body.timestamp);
+    if (kind === 'expected') this.expect(body.expected);
     if (!body.beacon) return;
     const id = body.beacon.entity_id;
     if (kind === 'expired') {
@@ -82,6 +85,14 @@ export class Model {
       this.sortedVersion = this.version;
     }
     return this.sorted;
+  }
+
+  // Others are known beforehand: who was missed only for that is not any more.
+  expect(all) {
+    for (const row of this.rows.values()) if (row.status === 'expected') this.rows.delete(row.entity_id);
+    this.expected = byId(all);
+    for (const id of this.expected.keys()) this.miss(id);
+    this.version += 1;
   }
 
   // One that is known beforehand stays in the table when nothing is heard of it.

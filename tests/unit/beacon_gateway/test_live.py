@@ -17,6 +17,8 @@ from beacon_gateway.live.hub import Hub
 from beacon_gateway.live.ring import Frame, Ring
 from beacon_gateway.live.stream import EventStream
 from beacon_gateway.live.view import LiveView
+from beacon_gateway.tree.entities import App, Tree
+from beacon_gateway.tree.manifest import Manifest
 from beacon_gateway.writing import to_json
 
 PATH = "/api/v1/x-medkit-beacon"
@@ -152,6 +154,27 @@ def test_apps_that_are_known_beforehand_are_named_heard_or_not(
                 "display_name": "Planner",
                 "depends_on": [],
             }
+
+    asyncio.run(scene())
+
+
+def test_others_that_are_expected_after_a_reload_are_told_to_everybody(
+    make_plant: Callable[..., Plant],
+) -> None:
+    async def scene() -> None:
+        plant = make_plant(entities={"apps": [{"id": "planner", "name": "Planner"}]})
+        hub = hub_of(plant)
+        async with reading(hub) as reader:
+            revision = (await reader.event("snapshot"))["revision"]
+            apps = {one: App(one) for one in ("arm", "crane")}
+            plant.gateway.take_config(plant.gateway.config, Manifest(Tree(apps=apps)))
+            event = await reader.event("expected")
+            assert [one["entity_id"] for one in event["expected"]] == ["arm", "crane"]
+            assert event["x-medkit"] == {"entity_type": "gateway", "entity_id": ""}
+            plant.announce("arm")
+            assert (await reader.event("appeared"))["x-medkit"]["entity_id"] == "arm"
+        async with reading(hub, revision) as reader:
+            assert len((await reader.event("expected"))["expected"]) == 2
 
     asyncio.run(scene())
 
