@@ -18,6 +18,7 @@ from beacon_gateway.access.middleware import AccessControl
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.http import (
     beacons,
+    besides,
     data,
     discovery,
     docs,
@@ -56,7 +57,7 @@ def create_app(gateway: Gateway, access: Access | None = None) -> Starlette:
     access = access or Access(gateway.config.http)
     kept = Snapshots(gateway)
     app = Starlette(
-        routes=[*_routes(gateway, kept), *auth_routes.routes(access)],
+        routes=[*_routes(gateway, access, kept), *auth_routes.routes(access)],
         middleware=[Middleware(AccessControl, access), Middleware(Shortcut, kept)],
         exception_handlers={
             errors.ApiError: _refuse,
@@ -68,7 +69,7 @@ def create_app(gateway: Gateway, access: Access | None = None) -> Starlette:
     return app
 
 
-def _routes(gateway: Gateway, kept: Snapshots) -> list[BaseRoute]:
+def _routes(gateway: Gateway, access: Access, kept: Snapshots) -> list[BaseRoute]:
     # Asked most often, so looked at first.
     hot = beacons.routes(gateway, kept)
     families = [*discovery.routes(gateway, kept), *relations.routes(gateway, kept)]
@@ -76,7 +77,7 @@ def _routes(gateway: Gateway, kept: Snapshots) -> list[BaseRoute]:
     operations = [one.operation for one in [*families, *hot] if isinstance(one, ApiRoute)]
     endpoints = [f"{one.method} {API_BASE}{one.path}" for one in operations]
     overview = server.overview_route(gateway, [*endpoints, *docs.ENDPOINTS])
-    described = [*operations, overview.operation]
+    described = [*operations, overview.operation, *besides.operations(access)]
     # The document comes before the entities: /apps/docs is about apps, not one of them.
     return [*hot, *docs.routes(gateway, described), *families, overview, *metrics.routes(gateway)]
 

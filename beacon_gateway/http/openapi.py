@@ -14,8 +14,15 @@ __all__ = ["SOVD_VERSION", "document", "scoped"]
 SOVD_VERSION = "1.0.0"
 """Of the standard whose paths and collections these are."""
 
+_AT_ROOT = (
+    "Besides these paths there are, at the server's root, /metrics for Prometheus, and /livez and "
+    "/readyz for supervisors: 200, or 503 with the reasons."
+)
+"""Told in words, because generated clients look for every path below the first server's address."""
+
 _JSON = "application/json"
-_ALWAYS = (400, 404, 500)
+_ALWAYS = (400, 401, 403, 404, 429, 500)
+"""401 and 403 only where tokens are asked for, 429 only where there are limits."""
 
 
 def document(
@@ -30,7 +37,12 @@ def document(
         item[operation.method.lower()] = _operation(operation, schemas)
     return {
         "openapi": "3.1.0",
-        "info": {"title": title, "version": version, "x-sovd-version": SOVD_VERSION},
+        "info": {
+            "title": title,
+            "version": version,
+            "description": _AT_ROOT,
+            "x-sovd-version": SOVD_VERSION,
+        },
         "servers": [{"url": url}],
         "tags": [{"name": tag} for tag in _tags(paths)],
         "paths": paths,
@@ -93,9 +105,14 @@ def _responses(operation: Operation, schemas: Schemas) -> dict[str, Any]:
     good: dict[str, Any] = {"description": operation.summary}
     if operation.body is not None:
         good["content"] = {_JSON: {"schema": schemas.reference(operation.body)}}
+    elif operation.media:
+        good["content"] = {operation.media: {"schema": {"type": "string"}}}
     refused = {"$ref": "#/components/responses/GenericError"}
-    bad = sorted({*_ALWAYS, *operation.refusals})
-    return {str(operation.status): good, **{str(status): refused for status in bad}}
+    bad: dict[int, dict[str, Any]] = dict.fromkeys([*_ALWAYS, *operation.refusals], refused)
+    for status, body in operation.errors.items():
+        content = {_JSON: {"schema": schemas.reference(body)}}
+        bad[status] = {"description": "Refused, with the reason", "content": content}
+    return {str(operation.status): good, **{str(status): bad[status] for status in sorted(bad)}}
 
 
 def _tags(paths: Mapping[str, Mapping[str, Any]]) -> list[str]:

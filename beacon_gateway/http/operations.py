@@ -111,7 +111,11 @@ class Operation:
     streams: bool = False
     """The answer is a stream of events."""
     refusals: tuple[int, ...] = ()
-    """Statuses of refusals besides 400, 404 and 500."""
+    """Statuses of refusals besides those that every operation has."""
+    errors: Mapping[int, type] = attrs.field(factory=dict)
+    """Refusals in another form than usual, by status."""
+    media: str = ""
+    """The media type of an answer that is no JSON."""
 
     @property
     def slots(self) -> tuple[str, ...]:

@@ -39,7 +39,7 @@ from beacon_gateway.config import HttpConfig, parse_config
 from beacon_gateway.http import create_app
 
 if TYPE_CHECKING:
-    from tests.unit.beacon_gateway.conftest import Plant, PlantMaker
+    from tests.unit.beacon_gateway.conftest import Contract, Plant, PlantMaker
 
 APPS = "/api/v1/apps"
 SECRET = "s3cret"  # noqa: S105 - of a client in a test
@@ -388,6 +388,38 @@ def test_a_client_gets_tokens_for_its_secret_and_they_open(issuing: Doorman) -> 
     claims = jwt.decode(told["access_token"], KEY, ["HS256"], issuer="beacon")
     assert set(claims) == {"iss", "sub", "iat", "exp", "jti", "role", "refresh_token_id"}
     assert (claims["sub"], claims["role"]) == ("hmi", "operator")
+
+
+def test_the_document_promises_what_is_answered_about_tokens(
+    doorman: Callable[..., Doorman],
+    key_file: Path,
+    contract_of: Callable[[Starlette], Contract],
+) -> None:
+    auth = {"secret_file": str(key_file), "clients": clients()}
+    door = doorman(auth=auth, rate_limit={"enabled": True, "client_rpm": 1})
+    contract = contract_of(door.app)
+    told = door.authorize()
+    tokens = told.json()
+    refresh = {"grant_type": "refresh_token", "refresh_token": tokens["refresh_token"]}
+    answers = [
+        told,
+        door.authorize(client_id="nobody"),
+        door.ask("/api/v1/auth/token", "POST", json=refresh),
+        door.ask("/api/v1/auth/token", "POST", json={}),
+        door.ask("/api/v1/auth/revoke", "POST", json={"token": tokens["refresh_token"]}),
+        door.ask(APPS),
+        door.ask(APPS),
+    ]
+    for answer in answers:
+        contract.check(answer)
+    assert [answer.status_code for answer in answers] == [200, 401, 200, 400, 200, 401, 429]
+
+
+def test_without_clients_nothing_is_promised_about_tokens(
+    doorman: Callable[..., Doorman],
+) -> None:
+    answer = doorman().ask("/api/v1/docs")
+    assert "/auth/token" not in answer.json()["paths"]
 
 
 def test_json_is_taken_as_well_as_a_form(issuing: Doorman) -> None:

@@ -61,6 +61,27 @@ def test_in_an_entitys_document_its_id_is_filled_in(heard: Plant) -> None:
     assert list(heard.ok("/apps/camera/data/status/docs")["paths"]) == ["/apps/camera/data/status"]
 
 
+def test_what_is_served_besides_the_contract_is_in_it_and_answers_as_it_says(heard: Plant) -> None:
+    document = heard.ok("/docs")
+    assert {"/x-medkit-beacon", "/x-medkit-beacon/stream"} < {*document["paths"]}
+    assert heard.ok("/x-medkit-beacon")["complete"] is True
+    assert heard.ok("/x-medkit-beacon?full=true")["items"] != []
+    assert heard.refused("/x-medkit-beacon?wait=long")[0] == 400
+    for path in ("/livez", "/readyz", "/metrics"):
+        assert path in document["info"]["description"]
+        assert heard.get(path).status_code == 200
+
+
+def test_every_operation_may_want_a_token_and_set_limits(heard: Plant) -> None:
+    document = heard.ok("/docs")
+    refusal = "#/components/responses/GenericError"
+    for item in document["paths"].values():
+        for operation in item.values():
+            for status in ("403", "429"):
+                assert operation["responses"][status]["$ref"] == refusal
+            assert "401" in operation["responses"]
+
+
 @pytest.mark.parametrize(
     "path", ["/apps/nobody/docs", "/nope/docs", "/apps/camera/nope/docs", "/docs/docs"]
 )
