@@ -511,10 +511,11 @@ class KeptUpToDate(RuleBasedStateMachine):
 
     @invariant()
     def nobody_is_lost_on_the_way(self) -> None:
-        """From a component to each app, unless the place's id stands for something else."""
+        """From a component to each app, unless the place's id stands for something else, or is kept
+        for the area of who is nowhere."""
         tree, known = self.house.tree, self.house.manifest.tree
         for app in tree.apps.values():
-            if tree.kind(app.component_id) is None:
+            if tree.kind(app.component_id) is None and app.component_id != HOST.area:
                 assert known.apps[app.id].component_id == app.component_id
         for component in tree.components.values():
             if component.source == "beacon":
