@@ -16,6 +16,7 @@ from __future__ import annotations
 import os
 import random
 
+import attrs
 import hypothesis
 import pytest
 from hypothesis import HealthCheck, Phase, settings
@@ -28,7 +29,9 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
+from beacon_core.relay.effects import Send
 from beacon_core.relay.frames import Content, Digest, Malformed, Range, Reset, decode, encode
+from beacon_core.relay.ledger import Fate
 from beacon_core.relay.settings import Forwarding, Republishing
 from tests.property.relay_world import MS, ORIGIN, World, seen
 
@@ -246,3 +249,187 @@ def test_whatever_happens_no_message_is_lost_uncounted_repeated_or_out_of_order(
         report_multiple_bugs=False,
     )
     run_state_machine_as_test(seeded, settings=rules)
+
+
+# Each way in which the original relay fails, as what happens here.
+
+
+def world(
+    *, forwarding: Forwarding | None = None, republishing: Republishing | None = None
+) -> World:
+    return World(forwarding or Forwarding(), republishing or Republishing(match_ns=0))
+
+
+def talk(here: World, ms: int = 500) -> None:
+    here.pass_time(ms * MS, flowing=True)
+
+
+def publications(here: World, topic: str, count: int) -> list[bytes]:
+    some = [here.publish(topic, 8) for _ in range(count)]
+    return [one for one in some if one is not None]
+
+
+def in_time(here: World, payload: bytes, ms: int) -> bool:
+    talk(here, ms)
+    return payload in here.published
+
+
+def test_a_restarted_source_is_followed_though_its_numbers_begin_again() -> None:
+    here = world()
+    here.seen("/ordered/a", seen())
+    talk(here)
+    first = publications(here, "/ordered/a", 3)
+    talk(here)
+    here.start_source()
+    talk(here)
+    second = publications(here, "/ordered/a", 3)
+    talk(here)
+    assert here.published == {*first, *second}
+
+
+def test_a_restarted_sink_gets_a_silent_latched_topic_back_and_no_stale_volatile_data() -> None:
+    here = world()
+    here.seen("/state/a", seen(depth=2))
+    here.seen("/ordered/a", seen())
+    talk(here)
+    state = publications(here, "/state/a", 4)
+    publications(here, "/ordered/a", 4)
+    talk(here, 3000)
+    here.start_sink()
+    talk(here, 2000)
+    assert here.published == set(state[-2:])
+
+
+def test_a_lost_advertisement_and_a_lost_reset_are_repaired_within_two_seconds() -> None:
+    here = world()
+    talk(here)
+    here.seen("/ordered/a", seen())
+    here.to_sink.cut()
+    (payload,) = publications(here, "/ordered/a", 1)
+    here.deliver_to_sink()
+    assert len(here.to_source)
+    here.to_source.cut()
+    assert in_time(here, payload, 2000)
+
+
+def test_a_lost_advertisement_of_a_topic_that_says_nothing_is_repaired_too() -> None:
+    here = world()
+    talk(here)
+    here.seen("/ordered/a", seen())
+    here.to_sink.cut()
+    talk(here, 2000)
+    assert [one.topic for one in here.publishers.values()] == ["/r/ordered/a"]
+
+
+def test_what_waits_for_an_advertisement_is_capped_and_comes_all_the_same() -> None:
+    here = world(republishing=Republishing(match_ns=0, hold_bytes=5000))
+    talk(here)
+    here.seen("/ordered/a", seen())
+    here.to_sink.cut()
+    payloads = publications(here, "/ordered/a", 5000)
+    while len(here.to_sink):
+        here.deliver_to_sink()
+    assert here.sink.core.stats().held_bytes <= 5000
+    here.to_source.cut()
+    talk(here, 20_000)
+    assert here.published == set(payloads)
+
+
+def test_contents_that_are_repeated_or_out_of_order_are_published_once_and_in_order() -> None:
+    here = world()
+    here.seen("/ordered/a", seen())
+    talk(here)
+    payloads = publications(here, "/ordered/a", 3)
+    for at, keep in ((0, True), (0, False), (1, False), (0, True), (0, False)):
+        here.deliver_to_sink(at, keep=keep)
+    assert here.published == set(payloads)
+
+
+def test_the_bytes_of_one_type_are_never_published_as_another_though_all_overlap() -> None:
+    here = world()
+    here.seen("/ordered/a", seen(1))
+    talk(here)
+    old = publications(here, "/ordered/a", 2)
+    here.seen("/ordered/a", seen(2))
+    new = publications(here, "/ordered/a", 2)
+    while len(here.to_sink):
+        here.deliver_to_sink(len(here.to_sink) - 1)
+    talk(here, 2000)
+    assert here.published == {*old, *new}
+
+
+def test_an_empty_message_and_a_large_one_arrive_whole() -> None:
+    here = world()
+    here.seen("/ordered/a", seen())
+    talk(here)
+    large = here.publish("/ordered/a", 200_000)
+    assert large is not None
+    here.taken[b""] = attrs.evolve(here.taken[large], seq=1)
+    effects = here.source.call("message", "/ordered/a", b"", here.now)
+    here.given += 1
+    for effect in effects:
+        assert isinstance(effect, Send)
+        here.to_sink.send(effect.header, effect.payload)
+    talk(here)
+    assert here.published == {large, b""}
+
+
+def test_one_topics_wait_does_not_make_another_late() -> None:
+    here = world(republishing=Republishing(match_ns=0, advertise_delay_ns=3000 * MS))
+    talk(here)
+    firsts = []
+    for topic in ("/ordered/a", "/ordered/b", "/best/a"):
+        here.seen(topic, seen())
+        firsts += publications(here, topic, 1)
+        talk(here, 900)
+    assert here.published == set()
+    for count in (1, 2, 3):
+        talk(here, 1000)
+        assert here.published == set(firsts[:count])
+
+
+def test_the_first_message_of_a_new_topic_is_published_as_soon_as_its_subscriber_matches() -> None:
+    here = world(republishing=Republishing(match_ns=10_000 * MS))
+    talk(here)
+    here.seen("/ordered/a", seen())
+    (payload,) = publications(here, "/ordered/a", 1)
+    talk(here, 300)
+    assert payload not in here.published
+    here.match_all()
+    assert payload in here.published
+
+
+def test_nothing_of_the_first_thousand_is_lost_whoever_starts_first() -> None:
+    here = world(republishing=Republishing())
+    here.start_source()
+    here.seen("/ordered/a", seen())
+    payloads = []
+    for _ in range(1000):
+        payloads += publications(here, "/ordered/a", 1)
+        talk(here, 1)
+    talk(here, 2000)
+    assert here.published == set(payloads)
+
+
+def test_an_outage_within_the_cap_loses_nothing_and_beyond_it_exactly_what_is_counted() -> None:
+    for hold, lost in ((10**7, 0), (50 * 416, 150)):
+        here = world(forwarding=Forwarding(hold_bytes=hold))
+        here.seen("/ordered/a", seen())
+        talk(here)
+        payloads = publications(here, "/ordered/a", 200)
+        here.to_sink.cut()
+        talk(here, 14_000)
+        assert len(here.published) == len(payloads) - lost
+        assert here.sink.core.stats().fates.get(Fate.EVICTED, 0) == lost
+
+
+def test_a_buffer_overrun_and_a_restart_together_hide_nothing() -> None:
+    here = world(forwarding=Forwarding(hold_bytes=2 * 416))
+    here.seen("/ordered/a", seen())
+    talk(here)
+    publications(here, "/ordered/a", 9)
+    here.to_sink.cut()
+    here.start_source()
+    new = publications(here, "/ordered/a", 2)
+    talk(here, 3000)
+    assert here.published >= set(new)
