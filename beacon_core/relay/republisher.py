@@ -20,45 +20,42 @@ later life has: so what wanders about of old lives, or is made up, changes nothi
 
 from __future__ import annotations
 
-from collections import Counter, OrderedDict
 from collections.abc import Iterable
 
 import attrs
 
 from beacon_core.relay.alarms import Alarms
+from beacon_core.relay.asking import HELLO, Asking
 from beacon_core.relay.effects import (
     Arm,
-    CreatePublisher,
-    DestroyPublisher,
     Effect,
-    Publish,
-    Send,
 )
 from beacon_core.relay.frames import (
-    MAX_WANTED,
     Advertisement,
     Content,
     Digest,
     Malformed,
     Reset,
     decode,
-    encode,
 )
 from beacon_core.relay.lane import Cause, Lane, LaneState
 from beacon_core.relay.ledger import Fate, Ledger
 from beacon_core.relay.peer import Peer
-from beacon_core.relay.republishing import FrameCounts, LaneStatus, RepublisherStats
+from beacon_core.relay.publishers import Publishers
+from beacon_core.relay.republishing import (
+    FrameCounts,
+    LaneStatus,
+    RepublisherStats,
+    stats_of,
+    status_of,
+)
 from beacon_core.relay.settings import DEFAULT_REPUBLISHING, Republishing
 from beacon_core.relay.track import Placed, Track, content_bytes
 from beacon_core.relay.values import Mode
 
 __all__ = ["Republisher"]
 
-_MAX_HELLOS = 64
-"""Hellos whose answer is still understood."""
-
 _Key = tuple[str, int, int]
-_HELLO: _Key = ("hello", 0, 0)
 
 
 class Republisher:
@@ -83,23 +80,17 @@ class Republisher:
         """
         self._asker, self._own, self._settings = asker, frozenset(own), settings
         self._began_ns = self._now_ns = now_ns
-        self._linked = False
         self._armed: int | None = None
         self._peers: dict[int, Peer] = {}
         self._lanes: dict[int, Lane] = {}
-        self._by_handle: dict[int, Lane] = {}
-        self._last_lane = self._last_handle = 0
-        self._hellos: OrderedDict[int, int] = OrderedDict()
-        # Number of each hello, and when it was said.
-        self._last_hello = self._hello_asks = 0
-        self._hello_free_ns = now_ns
+        self._last_lane = 0
         self._held_bytes = 0
-        self._stalls: dict[_Key, tuple[int, int]] = {}
-        # By gap alarm: the cursor that stands still, and how far the forwarder had come by then.
         self._alarms: Alarms[_Key] = Alarms()
         self._past = Ledger()
         self._frames = FrameCounts()
         self._effects: list[Effect] = []
+        self._asking = Asking(asker, settings, self._alarms, self._effects, now_ns)
+        self._publishers = Publishers(settings, self._alarms, self._effects)
 
     # -- from the conduit
 
@@ -120,8 +111,8 @@ class Republisher:
     def link_up(self, now_ns: int) -> list[Effect]:
         """Frames may get through from now on."""
         self._at(now_ns)
-        self._linked = True
-        self._need_hello()
+        self._asking.linked = True
+        self._asking.need_hello(self._now_ns)
         for peer in self._peers.values():
             self._ask_wanted(peer)
             for lane, track in list(peer.tracks.values()):
@@ -131,12 +122,12 @@ class Republisher:
     def link_down(self, now_ns: int) -> list[Effect]:
         """They do not any more: nothing is asked, or given up, until the next :meth:`link_up`."""
         self._at(now_ns)
-        self._linked = False
-        self._alarms.cancel(_HELLO)
+        self._asking.linked = False
+        self._alarms.cancel(HELLO)
         for peer in self._peers.values():
             self._alarms.cancel(("want", peer.origin, 0))
             for route in peer.tracks:
-                self._rest(peer.origin, route)
+                self._asking.rest(peer.origin, route)
         return self._done()
 
     # -- from the topic side
@@ -147,7 +138,7 @@ class Republisher:
         Ignored of a publisher that is gone, and if a fixed delay is set instead.
         """
         self._at(now_ns)
-        lane = self._by_handle.get(handle)
+        lane = self._publishers.lane_of(handle)
         by_delay = self._settings.advertise_delay_ns is not None
         if lane is not None and lane.state is LaneState.WAIT_MATCH and not by_delay:
             lane.reason = f"{matched} of {expected} subscriptions have matched"
@@ -158,11 +149,9 @@ class Republisher:
     def publisher_failed(self, handle: int, reason: str, now_ns: int) -> list[Effect]:
         """It could not be made, or does not work any more. Its handle is gone."""
         self._at(now_ns)
-        lane = self._by_handle.pop(handle, None)
+        lane = self._publishers.lane_of(handle)
         if lane is not None:
-            lane.handle = None
-            lane.move(Cause.FAILED, self._now_ns, reason)
-            self._alarms.set(("lane", lane.number, 0), self._now_ns + self._settings.retry_ns)
+            self._publishers.fail(lane, reason, self._now_ns)
             self._run(lane)
         return self._done()
 
@@ -179,25 +168,18 @@ class Republisher:
 
     def lanes(self) -> list[LaneStatus]:
         """Each topic that is published, or waits to be."""
-        return [_status(lane) for lane in self._lanes.values()]
+        return [status_of(lane) for lane in self._lanes.values()]
 
     def stats(self) -> RepublisherStats:
         """The numbers of this moment."""
-        tracks = [track for lane in self._lanes.values() for track in lane.tracks]
-        ledgers = [self._past, *(track.ledger for track in tracks)]
-        fates: Counter[Fate] = Counter()
-        for ledger in ledgers:
-            fates.update(ledger.fates())
-        held = sum(track.held for track in tracks)
-        return RepublisherStats(
-            entered=sum(ledger.entered for ledger in ledgers),
-            held=held,
-            missing=sum(track.next - track.cursor for track in tracks) - held,
+        pending = sum(len(some) for p in self._peers.values() for some in p.pending.values())
+        return stats_of(
+            self._past,
+            self._lanes.values(),
             held_bytes=self._held_bytes,
-            pending=sum(len(some) for p in self._peers.values() for some in p.pending.values()),
+            pending=pending,
             origins=len(self._peers),
             routes=sum(len(peer.known) for peer in self._peers.values()),
-            fates=dict(fates),
             frames=attrs.evolve(self._frames),
         )
 
@@ -209,7 +191,7 @@ class Republisher:
         peer = self._peers.get(frame.origin)
         if peer is None or frame.epoch > peer.epoch:
             self._frames.unjoined += 1
-            self._need_hello()
+            self._asking.need_hello(self._now_ns)
         elif frame.epoch < peer.epoch:
             self._frames.stale += 1
         elif isinstance(frame, Content):
@@ -220,7 +202,7 @@ class Republisher:
             self._advertisement(peer, frame)
 
     def _join_if_new(self, answer: Digest) -> None:
-        said_ns = self._hellos.get(answer.hello)
+        said_ns = self._asking.greeting.said_ns(answer.hello)
         if said_ns is None:
             return
         peer = self._peers.get(answer.origin)
@@ -238,27 +220,11 @@ class Republisher:
     def _leave_life(self, peer: Peer) -> None:
         for route, (_, track) in peer.tracks.items():
             track.end(Fate.RESTARTED)
-            self._rest(peer.origin, route)
+            self._asking.rest(peer.origin, route)
             self._alarms.cancel(("elder", peer.origin, route))
         for route in list(peer.pending):
             self._drop_pending(peer, route)
         self._alarms.cancel(("want", peer.origin, 0))
-
-    def _need_hello(self) -> None:
-        if not self._linked:
-            return
-        if self._now_ns < self._hello_free_ns:
-            self._alarms.set_if_none(_HELLO, self._hello_free_ns)
-            return
-        self._last_hello += 1
-        self._hellos[self._last_hello] = self._now_ns
-        if len(self._hellos) > _MAX_HELLOS:
-            self._hellos.popitem(last=False)
-        self._send(Reset(0, 0, self._asker, hello=self._last_hello))
-        self._hello_free_ns = self._now_ns + self._pause(self._hello_asks)
-        self._hello_asks += 1
-        if self._hello_asks < self._settings.max_asks:
-            self._alarms.set(_HELLO, self._hello_free_ns)
 
     # -- control frames
 
@@ -275,11 +241,10 @@ class Republisher:
         if digest.full:
             for route in peer.forget_unnamed(digest):
                 self._withdraw(peer, route)
-            self._hello_asks = 0
-            self._alarms.cancel(_HELLO)
+            self._asking.greeted()
         elif not peer.agrees(digest):
-            self._need_hello()
-        self._ask_new(peer)
+            self._asking.need_hello(self._now_ns)
+        self._asking.ask_new(peer, self._now_ns)
 
     def _advertisement(self, peer: Peer, one: Advertisement) -> None:
         known = peer.known.get(one.route)
@@ -328,29 +293,13 @@ class Republisher:
         if unlike:
             peer.wanted.setdefault(route, 0)
 
-    def _ask_new(self, peer: Peer) -> None:
-        new = [route for route, asks in peer.wanted.items() if not asks]
-        if new and self._linked:
-            peer.want_asks = 0
-            self._send_wanted(peer, new)
-
     def _ask_wanted(self, peer: Peer) -> None:
         given_up = [r for r, asks in peer.wanted.items() if asks >= self._settings.max_asks]
         for route in given_up:
             self._drop_pending(peer, route)
             self._not_wanted(peer, route)
         if peer.wanted:
-            self._send_wanted(peer, list(peer.wanted))
-
-    def _send_wanted(self, peer: Peer, routes: list[int]) -> None:
-        for at in range(0, len(routes), MAX_WANTED):
-            some = tuple(routes[at : at + MAX_WANTED])
-            self._send(Reset(peer.origin, peer.epoch, self._asker, wanted=some))
-        for route in routes:
-            peer.wanted[route] += 1
-        due_ns = self._now_ns + self._pause(peer.want_asks)
-        peer.want_asks += 1
-        self._alarms.set(("want", peer.origin, 0), due_ns)
+            self._asking.ask_wanted(peer, list(peer.wanted), self._now_ns)
 
     def _not_wanted(self, peer: Peer, route: int) -> None:
         """Its advertisement has come, or nobody will send it: who waited for it, goes on."""
@@ -400,7 +349,7 @@ class Republisher:
             self._held_bytes += content_bytes(content)
             peer.pending.setdefault(content.route, []).append(content)
         peer.wanted.setdefault(content.route, 0)
-        self._ask_new(peer)
+        self._asking.ask_new(peer, self._now_ns)
 
     def _place(self, peer: Peer, lane: Lane, track: Track, content: Content) -> None:
         passes_at_once = content.seq == track.cursor and self._may_pass(peer, lane, track)
@@ -416,21 +365,11 @@ class Republisher:
         else:
             track.asks = 0
         self._run(lane)
-        if was_asked and not track.outstanding and track.is_missing() and self._linked:
-            self._ask(peer, track)
+        if was_asked and not track.outstanding and track.is_missing() and self._asking.linked:
+            self._asking.ask_for(peer, track, self._now_ns)
 
     def _fate_of(self, content: Content) -> Fate:
         return Fate.ECHO if content.first in self._own else Fate.DELIVERED
-
-    def _ask(self, peer: Peer, track: Track) -> None:
-        ranges = track.missing(self._settings.ask_window)
-        track.outstanding = {
-            seq for one in ranges for seq in range(one.start, one.start + one.count)
-        }
-        self._send(Reset(peer.origin, peer.epoch, self._asker, ranges=ranges))
-        due_ns = self._now_ns + self._pause(track.asks)
-        track.asks += 1
-        self._alarms.set(("ask", peer.origin, track.advertised.route), due_ns)
 
     # -- lanes
 
@@ -458,7 +397,7 @@ class Republisher:
         if track.advertised.epoch == peer.epoch:
             peer.tracks.pop(route, None)
             peer.patient.discard(route)
-            self._rest(peer.origin, route)
+            self._asking.rest(peer.origin, route)
             self._alarms.cancel(("elder", peer.origin, route))
             if route in peer.known:
                 peer.known[route].done = True
@@ -467,7 +406,7 @@ class Republisher:
         """Let pass what may pass, and see to what is missing."""
         peer = self._peers[lane.origin]
         while (head := lane.head) is not None:
-            self._provide(lane, head)
+            self._publishers.provide(lane, head, self._now_ns)
             self._drain(peer, lane, head)
             if not head.done:
                 break
@@ -478,33 +417,6 @@ class Republisher:
         for track in lane.tracks:
             if track.advertised.epoch == peer.epoch:
                 self._care_for(peer, lane, track)
-
-    def _provide(self, lane: Lane, head: Track) -> None:
-        """Have the publisher that the head needs; unless it failed and is to rest."""
-        offers = (head.advertised.type, head.advertised.qos)
-        if lane.offers != offers:
-            self._destroy(lane)
-            self._create(lane, head)
-
-    def _create(self, lane: Lane, head: Track) -> None:
-        self._last_handle += 1
-        lane.handle, lane.offers = self._last_handle, (head.advertised.type, head.advertised.qos)
-        self._by_handle[lane.handle] = lane
-        lane.move(Cause.MADE, self._now_ns)
-        self._effects.append(CreatePublisher(lane.handle, lane.name, *lane.offers))
-        delay_ns = self._settings.advertise_delay_ns
-        wait_ns = self._settings.match_ns if delay_ns is None else delay_ns
-        if wait_ns:
-            self._alarms.set(("lane", lane.number, 0), self._now_ns + wait_ns)
-        else:
-            lane.move(Cause.WAITED, self._now_ns)
-
-    def _destroy(self, lane: Lane) -> None:
-        self._alarms.cancel(("lane", lane.number, 0))
-        if lane.handle is not None:
-            del self._by_handle[lane.handle]
-            self._effects.append(DestroyPublisher(lane.handle))
-            lane.handle = None
 
     def _go_live(self, lane: Lane, cause: Cause) -> None:
         self._alarms.cancel(("lane", lane.number, 0))
@@ -518,21 +430,13 @@ class Republisher:
             return
         before = track.held_bytes
         while (popped := track.pop()) is not None:
-            self._pass_on(lane, track, *popped)
+            content, fate = popped
+            if fate is Fate.DELIVERED and not self._publishers.publish(lane, content):
+                fate = Fate.REFUSED
+            track.ledger.settle(fate)
         self._held_bytes += track.held_bytes - before
         if track.cursor > track.first and track.advertised.epoch == peer.epoch:
             peer.passed[lane.name] = track.advertised.route
-
-    def _pass_on(self, lane: Lane, track: Track, content: Content, fate: Fate) -> None:
-        if fate is Fate.DELIVERED and lane.handle is None:
-            fate = Fate.REFUSED
-        track.ledger.settle(fate)
-        if fate is Fate.DELIVERED and lane.handle is not None:
-            self._effects.append(
-                Publish(
-                    lane.handle, content.payload, content.stamp_ns, content.first, content.hop + 1
-                )
-            )
 
     def _may_pass(self, peer: Peer, lane: Lane, track: Track) -> bool:
         return lane.lets_pass(track) and not self._waits_for_elders(peer, track)
@@ -557,35 +461,16 @@ class Republisher:
         return waits
 
     def _care_for(self, peer: Peer, lane: Lane, track: Track) -> None:
-        """Ask for what is missing, and see that it is not waited for too long."""
-        origin, route = peer.origin, track.advertised.route
-        if not self._linked:
-            return
-        if track.mode is not Mode.BEST_EFFORT and track.is_missing():
-            due_ns = self._now_ns + self._settings.ask_after_ns
-            self._alarms.set_if_none(("ask", origin, route), due_ns)
-        else:
-            self._alarms.cancel(("ask", origin, route))
-        gap: _Key = ("gap", origin, route)
         stands_still = lane.lets_pass(track) and track.cursor < track.next
-        if not stands_still or route in peer.patient:
-            self._alarms.cancel(gap)
-            self._stalls.pop(gap, None)
-        elif gap not in self._stalls or self._stalls[gap][0] != track.cursor:
-            self._stalls[gap] = (track.cursor, track.next)
-            self._alarms.set(gap, self._now_ns + self._settings.gap_ns)
-
-    def _rest(self, origin: int, route: int) -> None:
-        self._alarms.cancel(("ask", origin, route))
-        self._alarms.cancel(("gap", origin, route))
-        self._stalls.pop(("gap", origin, route), None)
+        stands_still = stands_still and track.advertised.route not in peer.patient
+        self._asking.care_for(peer.origin, track, self._now_ns, stands_still=stands_still)
 
     # -- alarms
 
     def _rung(self, what: str, number: int, route: int) -> None:
         match what:
             case "hello":
-                self._need_hello()
+                self._asking.need_hello(self._now_ns)
             case "want":
                 self._ask_wanted(self._peers[number])
             case "lane":
@@ -599,11 +484,11 @@ class Republisher:
         if lane.state is LaneState.WAIT_MATCH:
             self._go_live(lane, Cause.WAITED)
         elif lane.head is not None:
-            self._create(lane, lane.head)
+            self._publishers.create(lane, lane.head, self._now_ns)
             self._run(lane)
 
     def _bury(self, lane: Lane) -> None:
-        self._destroy(lane)
+        self._publishers.destroy(lane)
         lane.move(Cause.ENDED, self._now_ns)
         del self._lanes[lane.number]
         del self._peers[lane.origin].lanes[lane.name]
@@ -611,20 +496,14 @@ class Republisher:
     def _track_rung(self, what: str, peer: Peer, route: int) -> None:
         lane, track = peer.tracks[route]
         if what == "ask":
-            self._ask(peer, track)
+            self._asking.ask_for(peer, track, self._now_ns)
         elif what == "gap":
-            _, before = self._stalls.pop(("gap", peer.origin, route))
+            before = self._asking.waited_before(peer.origin, route)
             best_effort = track.mode is Mode.BEST_EFFORT
             track.give_up(before, Fate.SKIPPED if best_effort else Fate.OVERDUE)
         self._run(lane)
 
     # -- each call
-
-    def _pause(self, asks: int) -> int:
-        return min(self._settings.ask_first_ns << min(asks, 16), self._settings.ask_most_ns)
-
-    def _send(self, reset: Reset) -> None:
-        self._effects.append(Send(*encode(reset)))
 
     def _at(self, now_ns: int) -> None:
         self._now_ns = max(self._now_ns, now_ns)
@@ -634,20 +513,6 @@ class Republisher:
         if due_ns != self._armed:
             self._armed = due_ns
             self._effects.append(Arm(due_ns))
-        effects, self._effects = self._effects, []
+        effects = self._effects.copy()
+        self._effects.clear()
         return effects
-
-
-def _status(lane: Lane) -> LaneStatus:
-    held = sum(track.held for track in lane.tracks)
-    return LaneStatus(
-        lane.origin,
-        lane.name,
-        lane.state,
-        lane.reason,
-        lane.since_ns,
-        lane.offers[0] if lane.offers else None,
-        lane.head.mode if lane.head else None,
-        held,
-        sum(track.next - track.cursor for track in lane.tracks) - held,
-    )

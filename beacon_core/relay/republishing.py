@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Collection
+
 import attrs
 
-from beacon_core.relay.lane import LaneState
-from beacon_core.relay.ledger import Fate
+from beacon_core.relay.lane import Lane, LaneState
+from beacon_core.relay.ledger import Fate, Ledger
 from beacon_core.relay.values import Mode, TopicType
 
-__all__ = ["FrameCounts", "LaneStatus", "RepublisherStats"]
+__all__ = ["FrameCounts", "LaneStatus", "RepublisherStats", "stats_of", "status_of"]
 
 
 @attrs.define
@@ -67,3 +70,49 @@ class RepublisherStats:
     routes: int
     fates: dict[Fate, int]
     frames: FrameCounts
+
+
+def stats_of(
+    past: Ledger,
+    lanes: Collection[Lane],
+    *,
+    held_bytes: int,
+    pending: int,
+    origins: int,
+    routes: int,
+    frames: FrameCounts,
+) -> RepublisherStats:
+    """The books of all lanes together, and of ``past``, the routes that are over."""
+    tracks = [track for lane in lanes for track in lane.tracks]
+    ledgers = [past, *(track.ledger for track in tracks)]
+    fates: Counter[Fate] = Counter()
+    for ledger in ledgers:
+        fates.update(ledger.fates())
+    held = sum(track.held for track in tracks)
+    return RepublisherStats(
+        entered=sum(ledger.entered for ledger in ledgers),
+        held=held,
+        missing=sum(track.next - track.cursor for track in tracks) - held,
+        held_bytes=held_bytes,
+        pending=pending,
+        origins=origins,
+        routes=routes,
+        fates=dict(fates),
+        frames=frames,
+    )
+
+
+def status_of(lane: Lane) -> LaneStatus:
+    """How one topic is."""
+    held = sum(track.held for track in lane.tracks)
+    return LaneStatus(
+        lane.origin,
+        lane.name,
+        lane.state,
+        lane.reason,
+        lane.since_ns,
+        lane.offers[0] if lane.offers else None,
+        lane.head.mode if lane.head else None,
+        held,
+        sum(track.next - track.cursor for track in lane.tracks) - held,
+    )
