@@ -27,8 +27,7 @@ from __future__ import annotations
 
 import attrs
 
-from beacon_core.relay.alarms import Alarms
-from beacon_core.relay.effects import Arm, Effect, Send, Subscribe, Unsubscribe
+from beacon_core.relay.effects import Effect, Send, Subscribe, Unsubscribe
 from beacon_core.relay.forwarding import (
     ForwarderStats,
     RouteState,
@@ -49,6 +48,7 @@ from beacon_core.relay.frames import (
 )
 from beacon_core.relay.history import History, Kept
 from beacon_core.relay.ledger import Fate, Ledger
+from beacon_core.relay.machine import Machine
 from beacon_core.relay.names import NameMap, Ruling
 from beacon_core.relay.settings import DEFAULT_FORWARDING, MESSAGE_OVERHEAD_BYTES, Forwarding
 from beacon_core.relay.values import Mode, Qos
@@ -60,7 +60,7 @@ _RECENT_DIGESTS = 4
 """A change is named in so many digests; whoever misses all is told by the fingerprint."""
 
 
-class Forwarder:
+class Forwarder(Machine[int]):
     """The theory is above. Each method gives what is to be done now.
 
     Times are nanoseconds of a monotonic clock; one that goes back counts as no time. Thread rule:
@@ -77,10 +77,11 @@ class Forwarder:
         settings: Forwarding = DEFAULT_FORWARDING,
     ) -> None:
         """``origin``: above 0, this relay's for ever; ``epoch`` rises with each start. 64 bits."""
+        super().__init__(now_ns)
+        # Alarms: of closed routes by number, of the digest by 0.
         self._origin, self._epoch, self._names, self._settings = origin, epoch, names, settings
-        self._began_ns = self._now_ns = now_ns
+        self._began_ns = now_ns
         self._linked = False
-        self._armed: int | None = None
         self._control = 0
         self._last_route = 0
         self._seen: dict[str, SeenTopic] = {}
@@ -91,12 +92,9 @@ class Forwarder:
         self._routes: dict[int, _Route] = {}
         # Open and closed, in the order of their numbers.
         self._held_bytes = 0
-        self._alarms: Alarms[int] = Alarms()
-        # Of closed routes by number; of the digest by 0.
         self._past = Ledger()
         self._full_sent_ns: int | None = None
         self._malformed = self._foreign = 0
-        self._effects: list[Effect] = []
 
     # -- from the topic side
 
@@ -430,19 +428,6 @@ class Forwarder:
     def _next_control(self) -> int:
         self._control += 1
         return self._control
-
-    # -- each call
-
-    def _at(self, now_ns: int) -> None:
-        self._now_ns = max(self._now_ns, now_ns)
-
-    def _done(self) -> list[Effect]:
-        due_ns = self._alarms.next_ns()
-        if due_ns != self._armed:
-            self._armed = due_ns
-            self._effects.append(Arm(due_ns))
-        effects, self._effects = self._effects, []
-        return effects
 
 
 @attrs.define

@@ -24,10 +24,8 @@ from collections.abc import Iterable
 
 import attrs
 
-from beacon_core.relay.alarms import Alarms
 from beacon_core.relay.asking import HELLO, Asking
 from beacon_core.relay.effects import (
-    Arm,
     Effect,
 )
 from beacon_core.relay.frames import (
@@ -40,6 +38,7 @@ from beacon_core.relay.frames import (
 )
 from beacon_core.relay.lane import Cause, Lane, LaneState
 from beacon_core.relay.ledger import Fate, Ledger
+from beacon_core.relay.machine import Machine
 from beacon_core.relay.peer import Peer
 from beacon_core.relay.publishers import Publishers
 from beacon_core.relay.republishing import (
@@ -58,7 +57,7 @@ __all__ = ["Republisher"]
 _Key = tuple[str, int, int]
 
 
-class Republisher:
+class Republisher(Machine[_Key]):
     """The theory is above. Each method gives what is to be done now.
 
     Times are nanoseconds of a monotonic clock; one that goes back counts as no time. Thread rule:
@@ -78,17 +77,15 @@ class Republisher:
         ``own`` are the origins of the forwarders that listen to the network we publish to: what one
         of them took first has come back, and is not published.
         """
+        super().__init__(now_ns)
         self._asker, self._own, self._settings = asker, frozenset(own), settings
-        self._began_ns = self._now_ns = now_ns
-        self._armed: int | None = None
+        self._began_ns = now_ns
         self._peers: dict[int, Peer] = {}
         self._lanes: dict[int, Lane] = {}
         self._last_lane = 0
         self._held_bytes = 0
-        self._alarms: Alarms[_Key] = Alarms()
         self._past = Ledger()
         self._frames = FrameCounts()
-        self._effects: list[Effect] = []
         self._asking = Asking(asker, settings, self._alarms, self._effects, now_ns)
         self._publishers = Publishers(settings, self._alarms, self._effects)
 
@@ -334,9 +331,7 @@ class Republisher:
             self._place(peer, *found, content)
         elif known is not None and known.done:
             self._frames.again += 1
-        elif not self._has_room_for(peer, route):
-            return
-        else:
+        elif self._has_room_for(peer, route):
             self._await_advertisement(peer, content)
 
     def _await_advertisement(self, peer: Peer, content: Content) -> None:
@@ -356,7 +351,8 @@ class Republisher:
         room = self._held_bytes + content_bytes(content) <= self._settings.hold_bytes
         was_asked = content.seq in track.outstanding
         before = track.held_bytes
-        placed = track.place(content, self._fate_of(content), room=room or passes_at_once)
+        fate = Fate.ECHO if content.first in self._own else Fate.DELIVERED
+        placed = track.place(content, fate, room=room or passes_at_once)
         self._held_bytes += track.held_bytes - before
         if placed is Placed.AGAIN:
             self._frames.again += 1
@@ -367,9 +363,6 @@ class Republisher:
         self._run(lane)
         if was_asked and not track.outstanding and track.is_missing() and self._asking.linked:
             self._asking.ask_for(peer, track, self._now_ns)
-
-    def _fate_of(self, content: Content) -> Fate:
-        return Fate.ECHO if content.first in self._own else Fate.DELIVERED
 
     # -- lanes
 
@@ -502,17 +495,3 @@ class Republisher:
             best_effort = track.mode is Mode.BEST_EFFORT
             track.give_up(before, Fate.SKIPPED if best_effort else Fate.OVERDUE)
         self._run(lane)
-
-    # -- each call
-
-    def _at(self, now_ns: int) -> None:
-        self._now_ns = max(self._now_ns, now_ns)
-
-    def _done(self) -> list[Effect]:
-        due_ns = self._alarms.next_ns()
-        if due_ns != self._armed:
-            self._armed = due_ns
-            self._effects.append(Arm(due_ns))
-        effects = self._effects.copy()
-        self._effects.clear()
-        return effects
