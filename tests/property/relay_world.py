@@ -130,6 +130,8 @@ class World:
     # -- what happens
 
     def on_source(self, method: str, *args: Any) -> None:
+        if method.startswith("link"):
+            self.source_linked = method == "link_up"
         for effect in self.source.call(method, *args, self.now):
             match effect:
                 case Send():
@@ -146,6 +148,8 @@ class World:
                     raise AssertionError(effect)
 
     def on_sink(self, method: str, *args: Any) -> None:
+        if method.startswith("link"):
+            self.sink_linked = method == "link_up"
         fresh = []
         for effect in self.sink.call(method, *args, self.now):
             match effect:
@@ -289,8 +293,11 @@ class World:
     def heal(self) -> None:
         """Nothing fails any more, for long enough."""
         self.broken_publishers = False
-        self.on_source("link_up")
-        self.on_sink("link_up")
+        # A side that was not told of an outage must find out by itself what it has missed.
+        if not self.source_linked:
+            self.on_source("link_up")
+        if not self.sink_linked:
+            self.on_sink("link_up")
         for _ in range(40):
             self.flow()
             self.match_all()

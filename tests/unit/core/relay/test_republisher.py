@@ -216,6 +216,15 @@ def test_being_told_twice_is_being_told_once() -> None:
     assert side.content(1) == [1]
 
 
+def test_an_answer_of_a_life_that_is_over_changes_nothing_however_late_it_comes() -> None:
+    side = live()
+    side.join(epoch=3)
+    assert side.join(Entry(1, 0, 0, 9), epoch=2) == []
+    assert side.core.stats().frames.stale == 1
+    side.come(attrs.evolve(ADVERT, epoch=3, control=99))
+    assert published(side.come(Content(7, 3, 1, 0, 5, b"x", 7))) == [5]
+
+
 def test_without_a_link_it_says_no_hello() -> None:
     side = Side(linked=False)
     assert side.advert() == side.later(10_000) == []
