@@ -42,6 +42,7 @@ from beacon_core.relay.frames import (
     Entry,
     Frame,
     Reset,
+    content_header,
     decode,
     encode,
     fingerprint,
@@ -409,18 +410,16 @@ class Forwarder(Machine[int]):
 
     def _send_content(self, route: _Route, kept: Kept) -> None:
         kept.sent_ns = self._now_ns
-        self._send(
-            Content(
-                self._origin,
-                self._epoch,
-                route.number,
-                kept.seq,
-                kept.stamp_ns,
-                kept.payload,
-                kept.first,
-                kept.hop,
-            )
+        header = content_header(
+            self._origin,
+            self._epoch,
+            route.number,
+            kept.seq,
+            kept.stamp_ns,
+            kept.first,
+            kept.hop,
         )
+        self._effects.append(Send(header, kept.payload))
 
     def _send(self, frame: Frame) -> None:
         self._effects.append(Send(*encode(frame)))

@@ -46,6 +46,7 @@ __all__ = [
     "Malformed",
     "Range",
     "Reset",
+    "content_header",
     "decode",
     "encode",
     "fingerprint",
@@ -204,6 +205,8 @@ _ROUTE = struct.Struct("<I")
 _RANGE = struct.Struct("<IQH")
 _PRINTED = struct.Struct("<IIQ")
 
+_CONTENT = int(Kind.CONTENT)
+# An enum's member costs a call to pack.
 _RELIABLE, _DURABLE, _CLOSED, _DEFINED = 1, 2, 4, 8
 _FULL = 1
 _DEFINITIONS = 1
@@ -216,19 +219,8 @@ def encode(frame: Frame) -> tuple[bytes, bytes]:
     """
     match frame:
         case Content():
-            head = _HEAD.pack(
-                VERSION,
-                Kind.CONTENT,
-                frame.hop,
-                0,
-                frame.origin,
-                frame.epoch,
-                frame.route,
-                frame.seq,
-                frame.stamp_ns,
-                frame.first,
-            )
-            return head, frame.payload
+            numbers = (frame.origin, frame.epoch, frame.route, frame.seq)
+            return content_header(*numbers, frame.stamp_ns, frame.first, frame.hop), frame.payload
         case Advertisement():
             return _advertisement(frame), frame.definition or b""
         case Digest():
@@ -248,7 +240,7 @@ def _decode(header: bytes, payload: bytes) -> Frame:
     _must(len(header) >= HEADER_BYTES, "shorter than a header")
     version, kind, hop, flags, origin, epoch, route, seq, stamp, first = _HEAD.unpack_from(header)
     _must(version == VERSION, f"version {version}; known is {VERSION}")
-    if kind == Kind.CONTENT:
+    if kind == _CONTENT:
         _must(len(header) == HEADER_BYTES and not flags, "more than a content's header")
         return Content(origin, epoch, route, seq, stamp, payload, first, hop)
     _must(hop == 0, "only contents pass more than one relay")
@@ -263,6 +255,13 @@ def _decode(header: bytes, payload: bytes) -> Frame:
     _must(kind == Kind.RESET, f"kind {kind} is unknown")
     _must(stamp == 0, "numbers that a reset has not")
     return _read_reset(body, flags, (origin, epoch, first, seq))
+
+
+def content_header(
+    origin: int, epoch: int, route: int, seq: int, stamp_ns: int, first: int, hop: int
+) -> bytes:
+    """What :func:`encode` writes before a content's payload, for who has no :class:`Content`."""
+    return _HEAD.pack(VERSION, _CONTENT, hop, 0, origin, epoch, route, seq, stamp_ns, first)
 
 
 def fingerprint(routes: Iterable[tuple[int, int, int]]) -> int:

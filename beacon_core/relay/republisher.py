@@ -50,7 +50,6 @@ from beacon_core.relay.republishing import (
 )
 from beacon_core.relay.settings import DEFAULT_REPUBLISHING, Republishing
 from beacon_core.relay.track import Placed, Track, content_bytes
-from beacon_core.relay.values import Mode
 
 __all__ = ["Republisher"]
 
@@ -112,8 +111,8 @@ class Republisher(Machine[_Key]):
         self._asking.need_hello(self._now_ns)
         for peer in self._peers.values():
             self._ask_wanted(peer)
-            for lane, track in list(peer.tracks.values()):
-                self._care_for(peer, lane, track)
+            for lane in list(peer.lanes.values()):
+                self._run(lane)
         return self._done()
 
     def link_down(self, now_ns: int) -> list[Effect]:
@@ -272,8 +271,7 @@ class Republisher(Machine[_Key]):
             self._run(found[0])
 
     def _withdraw(self, peer: Peer, route: int) -> None:
-        if route in peer.wanted:
-            self._not_wanted(peer, route)
+        self._not_wanted(peer, route)
         found = peer.tracks.get(route)
         if found is not None:
             found[1].end(Fate.WITHDRAWN)
@@ -291,7 +289,9 @@ class Republisher(Machine[_Key]):
             peer.wanted.setdefault(route, 0)
 
     def _ask_wanted(self, peer: Peer) -> None:
-        given_up = [r for r, asks in peer.wanted.items() if asks >= self._settings.max_asks]
+        # What a digest has named, is asked for until one does not: its next one may not name it.
+        most = self._settings.max_asks
+        given_up = [r for r, n in peer.wanted.items() if n >= most and r not in peer.known]
         for route in given_up:
             self._drop_pending(peer, route)
             self._not_wanted(peer, route)
@@ -328,7 +328,8 @@ class Republisher(Machine[_Key]):
         if known is not None:
             known.next = max(known.next, content.seq + 1)
         if found is not None:
-            self._place(peer, *found, content)
+            if not self._passes_through(*found, content):
+                self._place(peer, *found, content)
         elif known is not None and known.done:
             self._frames.again += 1
         elif self._has_room_for(peer, route):
@@ -345,6 +346,16 @@ class Republisher(Machine[_Key]):
             peer.pending.setdefault(content.route, []).append(content)
         peer.wanted.setdefault(content.route, 0)
         self._asking.ask_new(peer, self._now_ns)
+
+    def _passes_through(self, lane: Lane, track: Track, content: Content) -> bool:
+        """The usual way, made short: a lane that has begun, and just the next content."""
+        return (
+            lane.state is LaneState.LIVE
+            and lane.tracks[0] is track
+            and content.first not in self._own
+            and track.passes_through(content)
+            and self._publishers.publish(lane, content)
+        )
 
     def _place(self, peer: Peer, lane: Lane, track: Track, content: Content) -> None:
         passes_at_once = content.seq == track.cursor and self._may_pass(peer, lane, track)
@@ -409,7 +420,9 @@ class Republisher(Machine[_Key]):
             self._alarms.set_if_none(("bury", lane.number, 0), self._now_ns + self._settings.gap_ns)
         for track in lane.tracks:
             if track.advertised.epoch == peer.epoch:
-                self._care_for(peer, lane, track)
+                may_pass = lane.lets_pass(track) and track.advertised.route not in peer.patient
+                stands_still = may_pass and track.cursor < track.next
+                self._asking.care_for(peer.origin, track, self._now_ns, stands_still=stands_still)
 
     def _go_live(self, lane: Lane, cause: Cause) -> None:
         self._alarms.cancel(("lane", lane.number, 0))
@@ -453,11 +466,6 @@ class Republisher(Machine[_Key]):
             self._alarms.cancel(("elder", peer.origin, route))
         return waits
 
-    def _care_for(self, peer: Peer, lane: Lane, track: Track) -> None:
-        stands_still = lane.lets_pass(track) and track.cursor < track.next
-        stands_still = stands_still and track.advertised.route not in peer.patient
-        self._asking.care_for(peer.origin, track, self._now_ns, stands_still=stands_still)
-
     # -- alarms
 
     def _rung(self, what: str, number: int, route: int) -> None:
@@ -479,6 +487,9 @@ class Republisher(Machine[_Key]):
         elif lane.head is not None:
             self._publishers.create(lane, lane.head, self._now_ns)
             self._run(lane)
+        else:
+            # Whoever feeds it next has it tried again.
+            lane.offers = None
 
     def _bury(self, lane: Lane) -> None:
         self._publishers.destroy(lane)
@@ -491,7 +502,5 @@ class Republisher(Machine[_Key]):
         if what == "ask":
             self._asking.ask_for(peer, track, self._now_ns)
         elif what == "gap":
-            before = self._asking.waited_before(peer.origin, route)
-            best_effort = track.mode is Mode.BEST_EFFORT
-            track.give_up(before, Fate.SKIPPED if best_effort else Fate.OVERDUE)
+            track.stop_waiting(self._asking.waited_before(peer.origin, route))
         self._run(lane)

@@ -96,6 +96,19 @@ class Track:
         self._hold(content, fate)
         return Placed.HELD
 
+    def passes_through(self, content: Content) -> bool:
+        """Take a content that is just the next one, when nothing is held or missing: the usual way.
+
+        It does what :meth:`place` and :meth:`pop` do, and settles it as delivered. Only for a track
+        that has begun.
+        """
+        if not content.seq == self.next == self.cursor > self.first or self.ended is not None:
+            return False
+        self.next = self.cursor = content.seq + 1
+        self.ledger.enter()
+        self.ledger.settle(Fate.DELIVERED)
+        return True
+
     def pop(self) -> tuple[Content, Fate] | None:
         """The next content in order, or ``None`` if it is missing. The caller settles it."""
         self._pass_by()
@@ -111,6 +124,11 @@ class Track:
         """Whatever is missing below ``before`` is not waited for any more."""
         if before > self._given_up:
             self._given_up, self._given_up_as = min(before, self.next), fate
+
+    def stop_waiting(self, before: int) -> None:
+        """The same, after having waited for it for as long as the mode allows."""
+        best_effort = self.mode is Mode.BEST_EFFORT
+        self.give_up(before, Fate.SKIPPED if best_effort else Fate.OVERDUE)
 
     def end(self, fate: Fate) -> None:
         """Nothing will follow: what is here is passed on, what is missing ends as ``fate``."""

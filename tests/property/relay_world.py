@@ -171,6 +171,9 @@ class World:
         peer = self.sink.core._peers.get(ORIGIN)
         if self.joined is None and peer is not None and peer.epoch == self.epoch:
             self.joined = self.serial
+        self.break_publishers(fresh)
+
+    def break_publishers(self, fresh: list[int]) -> None:
         for handle in fresh:
             if self.broken_publishers and handle in self.publishers:
                 del self.publishers[handle]

@@ -271,6 +271,14 @@ def test_a_route_that_was_not_advertised_is_asked_for_again_and_again() -> None:
     assert side.later(10_000) == []
 
 
+def test_a_route_that_a_digest_has_named_is_asked_for_however_long_it_takes() -> None:
+    side = Side(max_asks=2)
+    side.join(Entry(1, 0, 0, 0))
+    for _ in range(20):
+        side.later(2000)
+    assert wanted(side.later(2000)) == [1]
+
+
 def test_only_what_is_new_is_asked_for_at_once() -> None:
     side = Side()
     side.join()
@@ -593,6 +601,15 @@ def test_a_refused_publisher_that_nothing_feeds_is_not_tried_again() -> None:
     assert side.later(500) == []
     assert side.later(500) == []
     assert side.core.lanes() == []
+
+
+def test_a_refused_publisher_is_tried_again_for_the_next_that_feeds_it() -> None:
+    side = live(retry_ns=500 * MS)
+    side.do("publisher_failed", 1, "no such type")
+    side.digest(full=True)
+    side.later(500)
+    assert side.advert(2) == [CreatePublisher(2, "/n", T1, Qos())]
+    assert side.content(0, route=2) == [0]
 
 
 def test_a_waiting_publisher_that_nothing_feeds_is_not_held_for_ever() -> None:

@@ -35,13 +35,28 @@ def test_contents_leave_in_order_once() -> None:
     assert (one.held, one.held_bytes, one.ledger.entered, one.ledger.held) == (0, 0, 3, 0)
 
 
+def test_just_the_next_one_of_a_track_that_has_begun_passes_through() -> None:
+    one = track()
+    contents = [Content(1, 1, 9, seq, 0, b"x", 1) for seq in range(4)]
+    assert not one.passes_through(contents[0])
+    come(one, 0)
+    assert not one.passes_through(contents[1])
+    assert pops(one) == [0]
+    assert one.passes_through(contents[1])
+    assert not one.passes_through(contents[1])
+    assert not one.passes_through(contents[3])
+    assert (one.cursor, one.next, one.ledger.held) == (2, 2, 0)
+    one.end(Fate.RESTARTED)
+    assert not one.passes_through(contents[2])
+
+
 def test_a_gap_stops_what_follows_until_it_is_given_up() -> None:
     one = track()
     come(one, 0, 3)
     assert pops(one) == [0]
     assert one.is_missing()
     assert one.missing(9) == (Range(9, 1, 2),)
-    one.give_up(3, Fate.OVERDUE)
+    one.stop_waiting(3)
     one.give_up(2, Fate.SKIPPED)
     assert not one.is_missing()
     assert pops(one) == [3]
@@ -93,7 +108,7 @@ def test_best_effort_waits_for_nobody() -> None:
     assert come(one, 1) == [Placed.AGAIN]
     one.announce(0, 4)
     assert pops(one) == []
-    one.give_up(4, Fate.SKIPPED)
+    one.stop_waiting(4)
     assert pops(one) == []
     assert one.ledger.fates() == {Fate.SKIPPED: 3, Fate.DELIVERED: 1}
 
