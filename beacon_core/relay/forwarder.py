@@ -1,0 +1,485 @@
+"""The side that takes messages from its network and sends them: a state machine without I/O.
+
+Theory. A topic that the names allow gets a *route*: a number for its name on the other side, its
+type and its quality of service. When any of these changes, the route is closed and another one
+opened; a number is never used again. The life of a route::
+
+    (seen, allowed) --> OPEN --gone or changed--> CLOSED --linger--> removed
+
+    OPEN    subscribed; each message gets the next number, is kept and, if there is a link, sent
+    CLOSED  nothing is added; what is kept can still be asked for
+    REFUSED no route: denied by the names, or what it needs is taken; the reason is told
+
+A forwarder knows nothing of who listens, and awaits no receipts. It says what there is: an
+advertisement when a route is opened or closed, a digest each period. Whoever misses something asks,
+as fast as it can take it. So one listener, many and none are all the same to it, and the only thing
+that grows is what it keeps, which is capped in bytes. What gives way to the cap is the oldest of
+the route that holds most, or of the route itself if it holds more than its share.
+
+What it keeps depends on the mode: ORDERED all that the cap allows, STATE the last ``depth``, LATEST
+the last one, BEST_EFFORT nothing.
+
+Nothing that comes in makes it send more than: an advertisement per route and a full digest per
+``answer_gap_ns``, and each kept message once per ``resend_gap_ns``.
+"""
+
+from __future__ import annotations
+
+import attrs
+
+from beacon_core.relay.effects import Effect, Send, Subscribe, Unsubscribe
+from beacon_core.relay.forwarding import (
+    ForwarderStats,
+    RouteState,
+    RouteStatus,
+    SeenTopic,
+)
+from beacon_core.relay.frames import (
+    MAX_DEFINITION_BYTES,
+    Advertisement,
+    Content,
+    Digest,
+    Entry,
+    Frame,
+    Reset,
+    content_header,
+    decode,
+    encode,
+    fingerprint,
+)
+from beacon_core.relay.history import History, Kept
+from beacon_core.relay.ledger import Fate, Ledger
+from beacon_core.relay.machine import Machine
+from beacon_core.relay.names import NameMap, Ruling
+from beacon_core.relay.settings import DEFAULT_FORWARDING, MESSAGE_OVERHEAD_BYTES, Forwarding
+from beacon_core.relay.values import Mode, Qos
+
+__all__ = ["Forwarder"]
+
+_MAX_NAME_BYTES = 255
+_RECENT_DIGESTS = 4
+"""A change is named in so many digests; whoever misses all is told by the fingerprint."""
+
+
+class Forwarder(Machine[int]):
+    """The theory is above. Each method gives what is to be done now.
+
+    Times are nanoseconds of a monotonic clock; one that goes back counts as no time. Thread rule:
+    none of its own; the owner holds a lock, or calls from one thread.
+    """
+
+    def __init__(
+        self,
+        *,
+        origin: int,
+        epoch: int,
+        names: NameMap,
+        now_ns: int,
+        settings: Forwarding = DEFAULT_FORWARDING,
+    ) -> None:
+        """``origin``: above 0, this relay's for ever; ``epoch`` rises with each start. 64 bits."""
+        super().__init__(now_ns)
+        # Alarms: of closed routes by number, of the digest by 0.
+        self._origin, self._epoch, self._names, self._settings = origin, epoch, names, settings
+        self._began_ns = now_ns
+        self._linked = False
+        self._control = 0
+        self._last_route = 0
+        self._seen: dict[str, SeenTopic] = {}
+        self._refused: dict[str, str] = {}
+        self._open: dict[str, _Route] = {}
+        self._fed: dict[str, str] = {}
+        # By name on the other side: the topic.
+        self._routes: dict[int, _Route] = {}
+        # Open and closed, in the order of their numbers.
+        self._held_bytes = 0
+        self._past = Ledger()
+        self._full_sent_ns: int | None = None
+        self._malformed = self._foreign = 0
+
+    # -- from the topic side
+
+    def topic_seen(self, topic: str, seen: SeenTopic, now_ns: int) -> list[Effect]:
+        """There is a publisher of ``topic``; also to be called when its type or QoS has changed."""
+        self._at(now_ns)
+        if self._seen.get(topic) != seen:
+            self._seen[topic] = seen
+            self._close(topic)
+            self._admit(topic, seen)
+            self._reconsider()
+        return self._done()
+
+    def topic_gone(self, topic: str, now_ns: int) -> list[Effect]:
+        """Nobody publishes it any more."""
+        self._at(now_ns)
+        self._seen.pop(topic, None)
+        self._refused.pop(topic, None)
+        self._close(topic)
+        self._reconsider()
+        return self._done()
+
+    def message(
+        self,
+        topic: str,
+        payload: bytes,
+        now_ns: int,
+        *,
+        stamp_ns: int = 0,
+        first: int = 0,
+        hop: int = 0,
+    ) -> list[Effect]:
+        """A message has come from the network.
+
+        ``first`` and ``hop`` are those of :class:`.effects.Publish`, if the topic side can tell
+        that a relay published it; 0 if not.
+        """
+        self._at(now_ns)
+        route = self._open.get(topic)
+        if route is None:
+            self._past.enter()
+            self._past.settle(Fate.WITHDRAWN)
+            return self._done()
+        route.ledger.enter()
+        fate = self._barred(payload, first, hop) or self._unkept(route)
+        if fate is not None:
+            route.ledger.settle(fate)
+            return self._done()
+        self._take(route, payload, stamp_ns, first or self._origin, hop)
+        return self._done()
+
+    # -- from the conduit
+
+    def frame(self, header: bytes, payload: bytes, now_ns: int) -> list[Effect]:
+        """Something has come in. Never raises for what it is."""
+        self._at(now_ns)
+        frame = decode(header, payload)
+        if isinstance(frame, Reset):
+            self._asked(frame)
+        elif isinstance(frame, Advertisement | Content | Digest):
+            self._foreign += 1
+        else:
+            self._malformed += 1
+        return self._done()
+
+    def link_up(self, now_ns: int) -> list[Effect]:
+        """Frames may get through from now on."""
+        self._at(now_ns)
+        self._linked = True
+        self._send_digest(full=True)
+        self._alarms.set(0, self._now_ns + self._settings.digest_ns)
+        for route in self._routes.values():
+            if route.closed:
+                self._alarms.set_if_none(route.number, self._now_ns + self._settings.linger_ns)
+        return self._done()
+
+    def link_down(self, now_ns: int) -> list[Effect]:
+        """They do not any more: nothing is sent until the next :meth:`link_up`."""
+        self._at(now_ns)
+        self._linked = False
+        self._alarms.cancel(0)
+        for number in self._routes:
+            # What nobody can have heard of stays until somebody may have.
+            self._alarms.cancel(number)
+        return self._done()
+
+    # -- time
+
+    def tick(self, now_ns: int) -> list[Effect]:
+        """Do what is due; to be called when :class:`.effects.Arm` says."""
+        self._at(now_ns)
+        while (due := self._alarms.pop_due(self._now_ns)) is not None:
+            if due:
+                self._remove(self._routes[due])
+            else:
+                self._send_digest(full=False)
+                self._alarms.set(0, self._now_ns + self._settings.digest_ns)
+        return self._done()
+
+    # -- what people are told
+
+    def explain(self, topic: str) -> Ruling:
+        """What the names say of a topic, seen or not."""
+        return self._names.rule_on(topic)
+
+    def routes(self) -> list[RouteStatus]:
+        """Each topic that has been seen and is not gone, and each route that lingers."""
+        refused = [
+            RouteStatus(topic, "", RouteState.REFUSED, reason)
+            for topic, reason in sorted(self._refused.items())
+        ]
+        return [*map(_status, self._routes.values()), *refused]
+
+    def stats(self) -> ForwarderStats:
+        """The numbers of this moment."""
+        ledgers = [self._past, *(route.ledger for route in self._routes.values())]
+        fates: dict[Fate, int] = {}
+        for ledger in ledgers:
+            for fate, count in ledger.fates().items():
+                fates[fate] = fates.get(fate, 0) + count
+        return ForwarderStats(
+            entered=sum(ledger.entered for ledger in ledgers),
+            held=sum(len(route.history) for route in self._routes.values()),
+            held_bytes=self._held_bytes,
+            routes=len(self._routes),
+            fates=fates,
+            malformed=self._malformed,
+            foreign=self._foreign,
+        )
+
+    # -- routes
+
+    def _admit(self, topic: str, seen: SeenTopic) -> None:
+        ruling = self._names.rule_on(topic)
+        reason = self._reason_against(ruling, seen)
+        if reason:
+            self._refused[topic] = reason
+            return
+        self._refused.pop(topic, None)
+        self._last_route += 1
+        route = _Route(self._last_route, topic, ruling, seen, _mode(ruling, seen.qos))
+        route.changed_ns = self._now_ns
+        self._open[topic] = self._routes[route.number] = route
+        self._fed[ruling.name] = topic
+        self._effects.append(Subscribe(route.number, topic, seen.type, seen.qos))
+        self._advertise(route)
+
+    def _reason_against(self, ruling: Ruling, seen: SeenTopic) -> str:
+        if not ruling.allowed:
+            return ruling.reason
+        if ruling.name in self._fed:
+            return f"{ruling.name} is fed by {self._fed[ruling.name]} already"
+        if len(self._routes) >= self._settings.max_routes:
+            return f"there are {len(self._routes)} routes already"
+        texts = (ruling.name, seen.type.name, seen.type.digest)
+        if not all(map(_fits, texts)):
+            return "its name, its type or its type's hash is missing, too long or not printable"
+        definition = seen.definition or b""
+        return "" if len(definition) <= MAX_DEFINITION_BYTES else "its definition is too long"
+
+    def _reconsider(self) -> None:
+        """Whoever was refused what is free now, the first in the alphabet first."""
+        for topic in sorted(self._refused):
+            self._admit(topic, self._seen[topic])
+
+    def _close(self, topic: str) -> None:
+        route = self._open.pop(topic, None)
+        if route is not None:
+            del self._fed[route.ruling.name]
+            route.closed = True
+            route.revision += 1
+            route.changed_ns = self._now_ns
+            self._effects.append(Unsubscribe(route.number))
+            self._advertise(route)
+            if self._linked:
+                self._alarms.set(route.number, self._now_ns + self._settings.linger_ns)
+
+    def _remove(self, route: _Route) -> None:
+        while len(route.history):
+            self._drop_oldest(route, Fate.WITHDRAWN)
+        del self._routes[route.number]
+        self._past.add(route.ledger)
+        self._reconsider()
+
+    # -- messages
+
+    def _barred(self, payload: bytes, first: int, hop: int) -> Fate | None:
+        if first == self._origin:
+            return Fate.ECHO
+        if hop >= self._settings.max_hops:
+            return Fate.HOPS
+        most = min(self._settings.message_bytes, self._settings.hold_bytes - MESSAGE_OVERHEAD_BYTES)
+        return Fate.OVERSIZE if len(payload) > most else None
+
+    def _unkept(self, route: _Route) -> Fate | None:
+        return Fate.UNLINKED if route.mode is Mode.BEST_EFFORT and not self._linked else None
+
+    def _take(self, route: _Route, payload: bytes, stamp_ns: int, first: int, hop: int) -> None:
+        before = route.history.held_bytes
+        kept = route.history.keep(payload, stamp_ns, first, hop)
+        self._held_bytes += route.history.held_bytes - before
+        route.changed_ns = self._now_ns
+        if self._linked:
+            self._send_content(route, kept)
+        unsent = Fate.CONFLATED if route.mode is Mode.LATEST else Fate.EVICTED
+        while len(route.history) > route.most:
+            self._drop_oldest(route, unsent)
+        while self._held_bytes > self._settings.hold_bytes:
+            self._drop_oldest(self._largest(route), Fate.EVICTED)
+
+    def _largest(self, route: _Route) -> _Route:
+        if route.history.held_bytes * len(self._routes) > self._settings.hold_bytes:
+            return route
+        return max(self._routes.values(), key=lambda one: one.history.held_bytes)
+
+    def _drop_oldest(self, route: _Route, unsent: Fate) -> None:
+        before = route.history.held_bytes
+        route.history.drop_oldest(unsent)
+        self._held_bytes += route.history.held_bytes - before
+        route.changed_ns = self._now_ns
+
+    # -- questions
+
+    def _asked(self, reset: Reset) -> None:
+        ours = (reset.origin, reset.epoch) == (self._origin, self._epoch)
+        if not ours and reset.origin != 0:
+            self._foreign += 1
+            return
+        if not self._linked:
+            return
+        if reset.hello:
+            self._answer_hello(reset)
+        if ours:
+            self._answer_wanted(reset)
+            self._answer_ranges(reset)
+
+    def _answer_hello(self, reset: Reset) -> None:
+        last_ns = self._full_sent_ns
+        if last_ns is None or self._now_ns - last_ns >= self._settings.answer_gap_ns:
+            self._full_sent_ns = self._now_ns
+            self._send_digest(full=True, asker=reset.asker, hello=reset.hello)
+
+    def _answer_wanted(self, reset: Reset) -> None:
+        for number in reset.wanted:
+            route = self._routes.get(number)
+            if route is not None and self._may_tell(route):
+                self._advertise(route, definition=reset.definitions)
+
+    def _answer_ranges(self, reset: Reset) -> None:
+        for one in reset.ranges:
+            route = self._routes.get(one.route)
+            if route is None:
+                continue
+            if one.start < route.history.low and self._may_tell(route):
+                # An advertisement also says what cannot be had any more.
+                self._advertise(route)
+            for kept in route.history.run(one.start, one.count):
+                gap_ns = self._settings.resend_gap_ns
+                if kept.sent_ns is None or self._now_ns - kept.sent_ns >= gap_ns:
+                    self._send_content(route, kept)
+
+    def _may_tell(self, route: _Route) -> bool:
+        told_ns = route.told_ns
+        return told_ns is None or self._now_ns - told_ns >= self._settings.answer_gap_ns
+
+    # -- frames
+
+    def _advertise(self, route: _Route, *, definition: bool = False) -> None:
+        if not self._linked:
+            return
+        route.told_ns = self._now_ns
+        self._send(
+            Advertisement(
+                self._origin,
+                self._epoch,
+                route.number,
+                self._next_control(),
+                route.revision,
+                route.history.low,
+                route.history.next,
+                route.ruling.name,
+                route.seen.type,
+                route.seen.qos,
+                route.mode,
+                closed=route.closed,
+                definition=route.seen.definition if definition else None,
+            )
+        )
+
+    def _send_digest(self, *, full: bool, asker: int = 0, hello: int = 0) -> None:
+        since_ns = self._now_ns - _RECENT_DIGESTS * self._settings.digest_ns
+        named, others = [], []
+        for route in self._routes.values():
+            if full or route.changed_ns >= since_ns:
+                history = route.history
+                named.append(Entry(route.number, route.revision, history.low, history.next))
+            else:
+                others.append((route.number, route.revision, route.history.next))
+        self._send(
+            Digest(
+                self._origin,
+                self._epoch,
+                self._next_control(),
+                self._now_ns - self._began_ns,
+                full,
+                fingerprint(others),
+                tuple(named),
+                asker,
+                hello,
+            )
+        )
+
+    def _send_content(self, route: _Route, kept: Kept) -> None:
+        kept.sent_ns = self._now_ns
+        header = content_header(
+            self._origin,
+            self._epoch,
+            route.number,
+            kept.seq,
+            kept.stamp_ns,
+            kept.first,
+            kept.hop,
+        )
+        self._effects.append(Send(header, kept.payload))
+
+    def _send(self, frame: Frame) -> None:
+        self._effects.append(Send(*encode(frame)))
+
+    def _next_control(self) -> int:
+        self._control += 1
+        return self._control
+
+
+@attrs.define
+class _Route:
+    number: int
+    topic: str
+    ruling: Ruling
+    seen: SeenTopic
+    mode: Mode
+    revision: int = 0
+    closed: bool = False
+    changed_ns: int = 0
+    told_ns: int | None = None
+    ledger: Ledger = attrs.field(factory=Ledger)
+    history: History = attrs.field(
+        default=attrs.Factory(lambda self: History(self.ledger), takes_self=True)
+    )
+
+    @property
+    def most(self) -> float:
+        """Messages to keep."""
+        match self.mode:
+            case Mode.ORDERED:
+                return float("inf")
+            case Mode.STATE:
+                return max(1, self.seen.qos.depth)
+            case Mode.LATEST:
+                return 1
+        return 0
+
+
+def _fits(text: str) -> bool:
+    return text.isprintable() and 0 < len(text.encode()) <= _MAX_NAME_BYTES
+
+
+def _mode(ruling: Ruling, qos: Qos) -> Mode:
+    if ruling.mode is not None:
+        return ruling.mode
+    if qos.durable:
+        return Mode.STATE
+    return Mode.ORDERED if qos.reliable else Mode.BEST_EFFORT
+
+
+def _status(route: _Route) -> RouteStatus:
+    return RouteStatus(
+        route.topic,
+        route.ruling.name,
+        RouteState.CLOSED if route.closed else RouteState.OPEN,
+        route.ruling.reason,
+        route.number,
+        route.mode,
+        route.history.next,
+        len(route.history),
+        route.history.held_bytes,
+        route.ledger.fates(),
+    )

@@ -1,0 +1,352 @@
+"""Two sides of a relay, the networks beside them, and an oracle that sees all that is sent."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import attrs
+
+from beacon_core.relay.effects import (
+    Arm,
+    CreatePublisher,
+    DestroyPublisher,
+    Effect,
+    Publish,
+    Send,
+    Subscribe,
+    Unsubscribe,
+)
+from beacon_core.relay.forwarder import Forwarder
+from beacon_core.relay.forwarding import RouteState, SeenTopic
+from beacon_core.relay.ledger import Fate
+from beacon_core.relay.names import NameMap, Rule
+from beacon_core.relay.republisher import Republisher
+from beacon_core.relay.settings import Forwarding, Republishing
+from beacon_core.relay.values import Mode, Qos, TopicType
+from beacon_fake.conduit import FakeConduit
+
+MS = 10**6
+ORIGIN = 7
+NAMES = NameMap(
+    (
+        Rule(allow=True, pattern="/ordered/*", to="/r/ordered/*", mode=Mode.ORDERED),
+        Rule(allow=True, pattern="/latest/*", to="/r/latest/*", mode=Mode.LATEST),
+        Rule(allow=True, pattern="/best/*", to="/r/best/*", mode=Mode.BEST_EFFORT),
+        Rule(allow=True, pattern="/state/*", to="/r/state/*", mode=Mode.STATE),
+        Rule(allow=True, pattern="/twin", to="/r/ordered/a", mode=Mode.ORDERED),
+    )
+)
+
+
+@attrs.frozen
+class Taken:
+    """A message that the source was given and did not refuse."""
+
+    epoch: int
+    route: int
+    seq: int
+    at_ns: int
+    name: str
+    type: TopicType
+    mode: Mode
+
+
+class Recorder:
+    """Passes calls on and keeps them, so that they can be made again."""
+
+    def __init__(self, make: Callable[[], Any]) -> None:
+        self._make = make
+        self.core = make()
+        self._calls: list[tuple[str, tuple[Any, ...], dict[str, Any], list[Effect]]] = []
+
+    def call(self, method: str, *args: Any, **named: Any) -> list[Effect]:
+        effects: list[Effect] = getattr(self.core, method)(*args, **named)
+        self._calls.append((method, args, named, effects))
+        return effects
+
+    def replays_alike(self) -> bool:
+        again = self._make()
+        return all(getattr(again, m)(*args, **named) == out for m, args, named, out in self._calls)
+
+
+class World:
+    """The oracle checks each publication as it is made."""
+
+    def __init__(self, forwarding: Forwarding, republishing: Republishing) -> None:
+        self.forwarding, self.republishing = forwarding, republishing
+        self.now = 1_000_000 * MS
+        self.to_sink, self.to_source = FakeConduit(), FakeConduit()
+        self.topics: dict[str, SeenTopic] = {}
+        self.expected = 1
+        self.broken_publishers = False
+        self.taken: dict[bytes, Taken] = {}
+        self.ever_published: set[bytes] = set()
+        self.serial = 0
+        self.epoch = 0
+        self.asker = 0
+        self.met: set[str] = set()
+        self.joined: int | None = None
+        self.start_sink()
+        self.start_source()
+
+    # -- lives
+
+    def start_source(self) -> None:
+        self.epoch += 1
+        epoch, now = self.epoch, self.now
+
+        def make() -> Forwarder:
+            return Forwarder(
+                origin=ORIGIN, epoch=epoch, names=NAMES, now_ns=now, settings=self.forwarding
+            )
+
+        self.source = Recorder(make)
+        self.source_due: int | None = None
+        self.given = 0
+        self.joined = None
+        self.routes: dict[int, Subscribe] = {}
+        self.subscribed: dict[str, int] = {}
+        self.on_source("link_up")
+        for topic, seen in sorted(self.topics.items()):
+            self.on_source("topic_seen", topic, seen)
+
+    def start_sink(self) -> None:
+        self.asker += 1
+        asker, now = self.asker, self.now
+
+        def make() -> Republisher:
+            return Republisher(asker=asker, now_ns=now, settings=self.republishing)
+
+        self.sink = Recorder(make)
+        self.sink_due: int | None = None
+        self.sink_began = self.now
+        self.joined = None
+        self.publishers: dict[int, CreatePublisher] = {}
+        self.published: set[bytes] = set()
+        self.last: dict[str, tuple[int, int, int]] = {}
+        self.on_sink("link_up")
+
+    # -- what happens
+
+    def on_source(self, method: str, *args: Any) -> None:
+        if method.startswith("link"):
+            self.source_linked = method == "link_up"
+        for effect in self.source.call(method, *args, self.now):
+            match effect:
+                case Send():
+                    self.to_sink.send(effect.header, effect.payload)
+                case Subscribe():
+                    self.routes[effect.handle] = effect
+                    self.subscribed[effect.topic] = effect.handle
+                case Unsubscribe():
+                    topic = self.routes[effect.handle].topic
+                    del self.subscribed[topic]
+                case Arm():
+                    self.source_due = effect.due_ns
+                case _:
+                    raise AssertionError(effect)
+
+    def on_sink(self, method: str, *args: Any) -> None:
+        if method.startswith("link"):
+            self.sink_linked = method == "link_up"
+        fresh = []
+        for effect in self.sink.call(method, *args, self.now):
+            match effect:
+                case Send():
+                    self.to_source.send(effect.header, effect.payload)
+                case CreatePublisher():
+                    assert effect.handle not in self.publishers
+                    assert all(p.topic != effect.topic for p in self.publishers.values())
+                    self.publishers[effect.handle] = effect
+                    fresh.append(effect.handle)
+                case DestroyPublisher():
+                    del self.publishers[effect.handle]
+                case Publish():
+                    self.check(effect)
+                case Arm():
+                    self.sink_due = effect.due_ns
+                case _:
+                    raise AssertionError(effect)
+        peer = self.sink.core._peers.get(ORIGIN)
+        if self.joined is None and peer is not None and peer.epoch == self.epoch:
+            self.joined = self.serial
+        self.break_publishers(fresh)
+
+    def break_publishers(self, fresh: list[int]) -> None:
+        for handle in fresh:
+            if self.broken_publishers and handle in self.publishers:
+                del self.publishers[handle]
+                self.on_sink("publisher_failed", handle, "no such type")
+
+    def publish(self, topic: str, size: int) -> bytes | None:
+        """A message on the source's network; its bytes if the forwarder numbered it."""
+        self.serial += 1
+        payload = self.serial.to_bytes(8, "little") * (size // 8 + 1)
+        route = self.subscribed.get(topic)
+        before = self.next_of(route)
+        if route is not None:
+            seen = self.topics[topic]
+            status = next(one for one in self.source.core.routes() if one.route == route)
+            self.taken[payload] = Taken(
+                self.epoch, route, before, self.now, status.name, seen.type, status.mode
+            )
+        self.given += 1
+        for effect in self.source.call("message", topic, payload, self.now):
+            assert isinstance(effect, Send | Arm)
+            if isinstance(effect, Send):
+                self.to_sink.send(effect.header, effect.payload)
+            else:
+                self.source_due = effect.due_ns
+        if self.next_of(route) == before:
+            self.taken.pop(payload, None)
+            return None
+        return payload
+
+    def next_of(self, route: int | None) -> int:
+        return next((one.next for one in self.source.core.routes() if one.route == route), 0)
+
+    def seen(self, topic: str, seen: SeenTopic) -> None:
+        self.topics[topic] = seen
+        self.on_source("topic_seen", topic, seen)
+
+    def gone(self, topic: str) -> None:
+        self.topics.pop(topic, None)
+        self.on_source("topic_gone", topic)
+
+    def deliver_to_sink(self, at: int = 0, *, keep: bool = False) -> None:
+        if (frame := self.to_sink.take(at, keep=keep)) is not None:
+            self.on_sink("frame", frame.header, frame.payload)
+
+    def deliver_to_source(self, at: int = 0, *, keep: bool = False) -> None:
+        if (frame := self.to_source.take(at, keep=keep)) is not None:
+            self.on_source("frame", frame.header, frame.payload)
+
+    def flow(self) -> None:
+        """All that is under way gets through, and what follows from it."""
+        for _ in range(200_000):
+            if not len(self.to_sink) + len(self.to_source):
+                return
+            self.deliver_to_sink()
+            self.deliver_to_source()
+        raise AssertionError("they never stop talking")
+
+    def match_all(self) -> None:
+        for handle in list(self.publishers):
+            if handle in self.publishers:
+                self.on_sink("matched", handle, self.expected, self.expected)
+
+    def pass_time(self, ns: int, *, flowing: bool = False) -> None:
+        """Let time pass; ticks come when they are due."""
+        until = self.now + ns
+        for _ in range(100_000):
+            if flowing:
+                self.flow()
+            dues = [due for due in (self.source_due, self.sink_due) if due is not None]
+            self.now = max(self.now, min([until, *dues]))
+            self.tick()
+            if self.now >= until:
+                return
+        raise AssertionError("time stands still")
+
+    def tick(self) -> None:
+        if self.source_due is not None and self.source_due <= self.now:
+            self.on_source("tick")
+            assert self.source_due is None or self.source_due > self.now
+        if self.sink_due is not None and self.sink_due <= self.now:
+            self.on_sink("tick")
+            assert self.sink_due is None or self.sink_due > self.now
+
+    # -- what must hold
+
+    def check(self, effect: Publish) -> None:
+        """Each publication: whole, of its type, not again, in order, and not of the past."""
+        taken = self.taken[effect.payload]
+        publisher = self.publishers[effect.handle]
+        assert publisher.type == taken.type
+        assert publisher.topic == taken.name
+        assert effect.payload not in self.published
+        if taken.mode is not Mode.STATE:
+            assert effect.payload not in self.ever_published
+            assert taken.at_ns >= self.sink_began
+        place = (taken.epoch, taken.route, taken.seq)
+        assert place > self.last.get(taken.name, (0, 0, -1))
+        self.last[taken.name] = place
+        self.published.add(effect.payload)
+        self.ever_published.add(effect.payload)
+
+    def check_books(self) -> None:
+        source, sink = self.source.core.stats(), self.sink.core.stats()
+        assert source.entered == self.given == sum(source.fates.values()) + source.held
+        assert source.held_bytes <= self.forwarding.hold_bytes
+        assert source.routes <= self.forwarding.max_routes
+        assert sink.entered == sum(sink.fates.values()) + sink.held + sink.missing
+        assert sink.missing >= 0
+        assert sink.fates.get(Fate.DELIVERED, 0) == len(self.published)
+        # Of a LATEST route, one content is held whatever the cap is.
+        latest = len(self.publishers) * 3000
+        assert 0 <= sink.held_bytes <= self.republishing.hold_bytes + latest
+        if not sink.held + sink.pending:
+            assert sink.held_bytes == 0
+        self.met |= {f"sink {fate}" for fate in sink.fates}
+        self.met |= {f"source {fate}" for fate in source.fates}
+        self.met |= {f"frames {k}" for k, v in attrs.asdict(sink.frames).items() if v}
+        self.met |= {f"lane {one.state}" for one in self.sink.core.lanes()}
+
+    def heal(self) -> None:
+        """Nothing fails any more, for long enough."""
+        self.broken_publishers = False
+        # A side that was not told of an outage must find out by itself what it has missed.
+        if not self.source_linked:
+            self.on_source("link_up")
+        if not self.sink_linked:
+            self.on_sink("link_up")
+        for _ in range(40):
+            self.flow()
+            self.match_all()
+            self.pass_time(500 * MS, flowing=True)
+
+    def check_healed(self) -> None:
+        """All that was announced has ended, and what is published now arrives at once."""
+        sink = self.sink.core.stats()
+        assert sink.missing == sink.held == sink.held_bytes == sink.pending == 0
+        self.check_losses()
+        for status in self.source.core.routes():
+            if status.state is RouteState.OPEN:
+                payload = self.publish(status.topic, 0)
+                assert payload is None or self.arrives(payload), status
+        for recorder in (self.source, self.sink):
+            assert recorder.replays_alike()
+
+    def check_losses(self) -> None:
+        """What came after the sink had joined was published, or is in the sink's books as lost."""
+        if self.joined is None:
+            return
+        there = {one.route for one in self.source.core.routes()}
+        lost = [
+            taken
+            for payload, taken in self.taken.items()
+            if taken.epoch == self.epoch
+            and taken.route in there
+            and int.from_bytes(payload[:8], "little") > self.joined
+            and payload not in self.published
+        ]
+        sink = self.sink.core.stats()
+        if sink.frames.crowded:
+            return
+        assert len(lost) <= sink.entered - sink.fates.get(Fate.DELIVERED, 0)
+        patient = self.republishing.gap_ns > 10**12 and self.forwarding.hold_bytes >= 10**6
+        if patient and Fate.REFUSED not in sink.fates:
+            self.met.add("nothing ordered may be lost")
+            assert not [one for one in lost if one.mode is Mode.ORDERED]
+
+    def arrives(self, payload: bytes) -> bool:
+        self.flow()
+        self.match_all()
+        self.pass_time(20 * MS, flowing=True)
+        return payload in self.published
+
+
+def seen(number: int = 1, *, depth: int = 3) -> SeenTopic:
+    """A topic of one of several types."""
+    return SeenTopic(TopicType("pkg/msg/T", f"RIHS01_{number}"), Qos(depth=depth))
