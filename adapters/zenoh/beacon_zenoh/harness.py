@@ -259,4 +259,10 @@ if __name__ == "__main__":
     _package, _plain, _period_s = json.loads(sys.argv[1])
     _adapter: Adapter = importlib.import_module(_package).ADAPTER
     _options = cattrs.structure(_plain, _adapter.options)
-    _obey(_adapter.announcer(_options, _period_s), sys.stdin.buffer)
+    # A signal that comes to another thread does not end this one's waiting for orders: so those
+    # that Zenoh makes take none.
+    _stops = {signal.SIGINT, signal.SIGTERM}
+    signal.pthread_sigmask(signal.SIG_BLOCK, _stops)
+    _announcer = _adapter.announcer(_options, _period_s)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _stops)
+    _obey(_announcer, sys.stdin.buffer)
