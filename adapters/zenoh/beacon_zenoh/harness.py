@@ -206,7 +206,7 @@ class ProcessAnnouncer:
             self.process.stdin.close()
         else:
             self.process.send_signal(number)
-        code = self.process.wait(30)  # Zenoh itself may take 10 s to close a session
+        code = self.process.wait(10)
         self.process.stdin.close()
         return code
 
