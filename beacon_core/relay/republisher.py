@@ -25,17 +25,8 @@ from collections.abc import Iterable
 import attrs
 
 from beacon_core.relay.asking import HELLO, Asking
-from beacon_core.relay.effects import (
-    Effect,
-)
-from beacon_core.relay.frames import (
-    Advertisement,
-    Content,
-    Digest,
-    Malformed,
-    Reset,
-    decode,
-)
+from beacon_core.relay.effects import Effect
+from beacon_core.relay.frames import Advertisement, Content, Digest, Malformed, Reset, decode
 from beacon_core.relay.lane import Cause, Lane, LaneState
 from beacon_core.relay.ledger import Fate, Ledger
 from beacon_core.relay.machine import Machine
