@@ -55,6 +55,8 @@ class CreatePublisher:
     topic: str
     type: TopicType
     qos: Qos
+    first: int
+    """The forwarder whose messages it is for: of most of them, also who took them first."""
 
 
 @attrs.frozen

@@ -42,7 +42,7 @@ class Publishers:
         lane.handle, lane.offers = self._last, (head.advertised.type, head.advertised.qos)
         self._lanes[lane.handle] = lane
         lane.move(Cause.MADE, now_ns)
-        self._effects.append(CreatePublisher(lane.handle, lane.name, *lane.offers))
+        self._effects.append(CreatePublisher(lane.handle, lane.name, *lane.offers, lane.origin))
         delay_ns = self._settings.advertise_delay_ns
         wait_ns = self._settings.match_ns if delay_ns is None else delay_ns
         if wait_ns:

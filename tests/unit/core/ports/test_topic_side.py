@@ -75,7 +75,7 @@ def test_seven_methods_make_a_topic_side() -> None:
     port: TopicSide = Room()
     port.start(watcher)
     port.subscribe(Subscribe(1, "/a", KIND, Qos()))
-    port.create_publisher(CreatePublisher(1, "/a", KIND, Qos()))
+    port.create_publisher(CreatePublisher(1, "/a", KIND, Qos(), 7))
     port.publish(Publish(1, b"x", 0, 7, 1))
     port.unsubscribe(1)
     port.publish(Publish(1, b"y", 0, 7, 1))

@@ -29,7 +29,7 @@ class Fixture:
 
 def test_a_publisher_is_made_once_and_waits() -> None:
     one = Fixture(Republishing(match_ns=5))
-    assert one.provide(T1) == [CreatePublisher(1, "/n", T1, Qos())]
+    assert one.provide(T1) == [CreatePublisher(1, "/n", T1, Qos(), 1)]
     assert one.lane.state is LaneState.WAIT_MATCH
     assert one.publishers.lane_of(1) is one.lane
     assert one.alarms.next_ns() == 15
@@ -49,7 +49,7 @@ def test_the_fixed_delay_counts_instead_if_it_is_set_and_none_is_no_wait() -> No
 def test_another_type_has_another_publisher() -> None:
     one = Fixture(Republishing())
     one.provide(T1)
-    assert one.provide(T2) == [DestroyPublisher(1), CreatePublisher(2, "/n", T2, Qos())]
+    assert one.provide(T2) == [DestroyPublisher(1), CreatePublisher(2, "/n", T2, Qos(), 1)]
     assert one.publishers.lane_of(1) is None
 
 

@@ -380,7 +380,7 @@ def test_contents_that_come_before_their_advertisement_wait_for_it() -> None:
     side.content(0)
     assert (side.core.stats().pending, side.core.stats().held_bytes) == (2, 802)
     done = side.advert(next=2)
-    assert done[0] == CreatePublisher(1, "/n", T1, Qos())
+    assert done[0] == CreatePublisher(1, "/n", T1, Qos(), 7)
     assert published(done) == [0, 1]
     assert (side.core.stats().pending, side.core.stats().held_bytes) == (0, 0)
 
@@ -507,7 +507,7 @@ def test_another_type_waits_for_the_one_before_and_has_another_publisher() -> No
     side.advert(1, revision=1, closed=True, next=2)
     done = side.come(Content(7, 2, 1, 0, 0, b"x", 7))
     kinds = [one for one in done if not isinstance(one, Publish)]
-    assert kinds == [DestroyPublisher(1), CreatePublisher(2, "/n", T2, Qos())]
+    assert kinds == [DestroyPublisher(1), CreatePublisher(2, "/n", T2, Qos(), 7)]
     assert [one.handle for one in done if isinstance(one, Publish)] == [1, 1, 2]
 
 
@@ -608,7 +608,7 @@ def test_a_refused_publisher_is_tried_again_for_the_next_that_feeds_it() -> None
     side.do("publisher_failed", 1, "no such type")
     side.digest(full=True)
     side.later(500)
-    assert side.advert(2) == [CreatePublisher(2, "/n", T1, Qos())]
+    assert side.advert(2) == [CreatePublisher(2, "/n", T1, Qos(), 7)]
     assert side.content(0, route=2) == [0]
 
 
