@@ -20,9 +20,9 @@ class TopicWatcher(Protocol):
         """It has none any more."""
 
     def message(
-        self, topic: str, payload: bytes, *, stamp_ns: int = 0, first: int = 0, hop: int = 0
+        self, handle: int, payload: bytes, *, stamp_ns: int = 0, first: int = 0, hop: int = 0
     ) -> None:
-        """A message of a subscribed topic, as it was on the wire.
+        """A message of the subscription ``handle``, as it was on the wire.
 
         ``first`` and ``hop`` are those of the :class:`Publish` that made it, if a relay did and the
         network can tell; else 0.
@@ -38,7 +38,7 @@ class TopicWatcher(Protocol):
 class TopicSide(Protocol):
     """Carries out what a relay's core asks of its network.
 
-    Thread rule: all methods from one thread. The watcher is called from threads of the side's
+    Thread rule: all methods from one thread at a time. The watcher is called from threads of the side's
     choosing. What it does not promise: that types are installed; then ``publisher_failed`` says so.
     """
 

@@ -120,7 +120,7 @@ class Forwarder(Machine[int]):
 
     def message(
         self,
-        topic: str,
+        handle: int,
         payload: bytes,
         now_ns: int,
         *,
@@ -128,14 +128,15 @@ class Forwarder(Machine[int]):
         first: int = 0,
         hop: int = 0,
     ) -> list[Effect]:
-        """A message has come from the network.
+        """A message of the subscription ``handle`` has come from the network.
 
-        ``first`` and ``hop`` are those of :class:`.effects.Publish`, if the topic side can tell
+        One that comes after its subscription has ended may be of another type than the topic has
+        now: it is counted as withdrawn. ``first`` and ``hop`` are those of :class:`.effects.Publish`, if the topic side can tell
         that a relay published it; 0 if not.
         """
         self._at(now_ns)
-        route = self._open.get(topic)
-        if route is None:
+        route = self._routes.get(handle)
+        if route is None or route.closed:
             self._past.enter()
             self._past.settle(Fate.WITHDRAWN)
             return self._done()

@@ -192,7 +192,7 @@ class World:
                 self.epoch, route, before, self.now, status.name, seen.type, status.mode
             )
         self.given += 1
-        for effect in self.source.call("message", topic, payload, self.now):
+        for effect in self.source.call("message", route or 0, payload, self.now):
             assert isinstance(effect, Send | Arm)
             if isinstance(effect, Send):
                 self.to_sink.send(effect.header, effect.payload)
@@ -202,6 +202,15 @@ class World:
             self.taken.pop(payload, None)
             return None
         return payload
+
+    def publish_late(self, at: int) -> None:
+        """A message of a subscription that has ended: nobody may take it for the topic's own."""
+        ended = sorted(self.routes.keys() - self.subscribed.values())
+        if ended:
+            self.given += 1
+            self.serial += 1
+            payload = b"late" + self.serial.to_bytes(8, "little")
+            self.on_source("message", ended[at % len(ended)], payload)
 
     def next_of(self, route: int | None) -> int:
         return next((one.next for one in self.source.core.routes() if one.route == route), 0)

@@ -96,6 +96,10 @@ class Machine(RuleBasedStateMachine):
         for _ in range(count):
             self.world.publish(topic, size)
 
+    @rule(at=places)
+    def a_message_of_a_subscription_that_has_ended_comes_late(self, at: int) -> None:
+        self.world.publish_late(at)
+
     @rule(count=st.integers(1, 30))
     def frames_flow(self, count: int) -> None:
         for _ in range(count):
@@ -365,7 +369,7 @@ def test_an_empty_message_and_a_large_one_arrive_whole() -> None:
     large = here.publish("/ordered/a", 200_000)
     assert large is not None
     here.taken[b""] = attrs.evolve(here.taken[large], seq=1)
-    effects = here.source.call("message", "/ordered/a", b"", here.now)
+    effects = here.source.call("message", here.subscribed["/ordered/a"], b"", here.now)
     here.given += 1
     for effect in effects:
         assert isinstance(effect, Send)

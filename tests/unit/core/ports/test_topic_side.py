@@ -38,8 +38,9 @@ class Room:
 
     def publish(self, what: Publish) -> None:
         topic = self.published[what.handle]
-        if self.watcher is not None and topic in self.subscribed.values():
-            self.watcher.message(topic, what.payload, first=what.first, hop=what.hop)
+        for handle, subscribed in self.subscribed.items():
+            if self.watcher is not None and topic == subscribed:
+                self.watcher.message(handle, what.payload, first=what.first, hop=what.hop)
 
     def destroy_publisher(self, handle: int) -> None:
         del self.published[handle]
@@ -59,9 +60,9 @@ class Watcher:
         self.told.append(topic)
 
     def message(
-        self, topic: str, payload: bytes, *, stamp_ns: int = 0, first: int = 0, hop: int = 0
+        self, handle: int, payload: bytes, *, stamp_ns: int = 0, first: int = 0, hop: int = 0
     ) -> None:
-        self.told.append((topic, payload, first, hop))
+        self.told.append((handle, payload, first, hop))
 
     def matched(self, handle: int, matched: int, expected: int) -> None:
         self.told.append((handle, matched, expected))
@@ -81,7 +82,7 @@ def test_seven_methods_make_a_topic_side() -> None:
     port.publish(Publish(1, b"y", 0, 7, 1))
     port.destroy_publisher(1)
     port.close()
-    assert watcher.told == [("/a", KIND), (1, 1, 1), ("/a", b"x", 7, 1)]
+    assert watcher.told == [("/a", KIND), (1, 1, 1), (1, b"x", 7, 1)]
 
 
 def test_the_port_says_its_thread_rule() -> None:

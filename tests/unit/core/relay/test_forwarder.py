@@ -42,17 +42,25 @@ class Side:
             origin=7, epoch=2, names=NAMES, now_ns=0, settings=Forwarding(**settings)
         )
         self.now = 0
+        self.handles: dict[str, int] = {}
         if linked:
             self.do("link_up")
 
     def do(self, method: str, *args: object, **named: object) -> list[Effect | Frame]:
         effects: list[Effect] = getattr(self.core, method)(*args, self.now, **named)
+        self.handles.update(
+            {one.topic: one.handle for one in effects if isinstance(one, Subscribe)}
+        )
         return [read(one) if isinstance(one, Send) else one for one in effects]
 
     def sent(self, method: str, *args: object, **named: object) -> list[Effect | Frame]:
         """Only frames."""
         done = self.do(method, *args, **named)
         return [one for one in done if not isinstance(one, Arm | Subscribe | Unsubscribe)]
+
+    def take(self, topic: str, payload: bytes, **named: object) -> list[Effect | Frame]:
+        """A message of the topic's last subscription; the frames that follow."""
+        return self.sent("message", self.handles.get(topic, 0), payload, **named)
 
     def see(self, topic: str, kind: TopicType = T1, **qos: object) -> list[Effect | Frame]:
         return self.do("topic_seen", topic, SeenTopic(kind, Qos(**qos), b"int32 x"))  # type: ignore[arg-type]
@@ -87,10 +95,8 @@ def test_a_message_is_sent_untouched_with_the_next_number() -> None:
     side = Side()
     side.see("/a")
     payload = b"anything"
-    assert side.sent("message", "/a", payload, stamp_ns=5) == [
-        Content(7, 2, 1, 0, 5, payload, first=7)
-    ]
-    assert seqs(side.sent("message", "/a", b"")) == [1]
+    assert side.take("/a", payload, stamp_ns=5) == [Content(7, 2, 1, 0, 5, payload, first=7)]
+    assert seqs(side.take("/a", b"")) == [1]
 
 
 @pytest.mark.parametrize(
@@ -110,7 +116,7 @@ def test_the_mode_follows_from_the_quality_of_service(qos: Qos, mode: Mode) -> N
 def test_a_type_change_is_a_new_route_and_closes_the_old_one() -> None:
     side = Side()
     side.see("/a")
-    side.do("message", "/a", b"old")
+    side.take("/a", b"old")
     unsubscribe, closed, subscribe, opened = side.see("/a", T2)
     assert unsubscribe == Unsubscribe(1)
     assert isinstance(closed, Advertisement)
@@ -124,7 +130,7 @@ def test_a_type_change_is_a_new_route_and_closes_the_old_one() -> None:
 def test_a_closed_route_can_be_asked_for_until_it_has_lingered() -> None:
     side = Side(linger_ns=1500 * MS)
     side.see("/a")
-    side.do("message", "/a", b"x")
+    side.take("/a", b"x")
     side.do("topic_gone", "/a")
     side.now = 1499 * MS
     side.do("tick")
@@ -140,7 +146,7 @@ def test_a_closed_route_can_be_asked_for_until_it_has_lingered() -> None:
 def test_a_route_that_closes_without_a_link_lingers_once_there_is_one() -> None:
     side = Side(linked=False)
     side.see("/a")
-    side.do("message", "/a", b"x")
+    side.take("/a", b"x")
     side.do("topic_gone", "/a")
     side.now = 10**12
     assert side.do("tick") == []
@@ -159,7 +165,7 @@ def test_a_route_that_closes_without_a_link_lingers_once_there_is_one() -> None:
 def test_a_message_that_was_never_sent_ends_as_withdrawn() -> None:
     side = Side(linked=False)
     side.see("/a")
-    side.do("message", "/a", b"x")
+    side.take("/a", b"x")
     side.do("topic_gone", "/a")
     side.do("link_up")
     side.now = 5000 * MS
@@ -202,28 +208,36 @@ def test_what_no_frame_can_carry_is_refused(topic: str, seen: SeenTopic, reason:
 
 def test_a_message_of_no_route_is_counted() -> None:
     side = Side()
-    assert side.do("message", "/a", b"x") == []
+    assert side.take("/a", b"x") == []
+    assert side.fates() == {Fate.WITHDRAWN: 1}
+
+
+def test_a_late_message_of_an_old_subscription_is_never_taken_for_one_of_the_new_type() -> None:
+    side = Side()
+    side.see("/a")
+    old = side.handles["/a"]
+    side.see("/a", T2)
+    assert side.handles["/a"] != old
+    assert side.sent("message", old, b"x") == []
     assert side.fates() == {Fate.WITHDRAWN: 1}
 
 
 def test_what_has_come_back_or_come_too_far_is_not_sent() -> None:
     side = Side()
     side.see("/a")
-    assert side.sent("message", "/a", b"x", first=7, hop=1) == []
-    assert side.sent("message", "/a", b"x", first=3, hop=4) == []
-    assert side.sent("message", "/a", b"x", first=3, hop=3) == [
-        Content(7, 2, 1, 0, 0, b"x", first=3, hop=3)
-    ]
+    assert side.take("/a", b"x", first=7, hop=1) == []
+    assert side.take("/a", b"x", first=3, hop=4) == []
+    assert side.take("/a", b"x", first=3, hop=3) == [Content(7, 2, 1, 0, 0, b"x", first=3, hop=3)]
     assert side.fates() == {Fate.ECHO: 1, Fate.HOPS: 1}
 
 
 def test_a_message_that_is_too_large_is_refused_whichever_limit_it_is() -> None:
     side = Side(message_bytes=4)
     side.see("/a")
-    side.do("message", "/a", b"12345")
+    side.take("/a", b"12345")
     other = Side(hold_bytes=403)
     other.see("/a")
-    other.do("message", "/a", b"1234")
+    other.take("/a", b"1234")
     assert side.fates() == other.fates() == {Fate.OVERSIZE: 1}
 
 
@@ -231,14 +245,14 @@ def test_without_a_link_messages_are_kept_and_best_effort_ones_are_not() -> None
     side = Side(linked=False)
     assert side.see("/a") == [Subscribe(1, "/a", T1, Qos())]
     side.see("/b", reliable=False)
-    assert side.do("message", "/a", b"x") == side.do("message", "/b", b"x") == []
+    assert side.take("/a", b"x") == side.take("/b", b"x") == []
     assert side.ask(hello=1) == []
     assert (side.core.stats().held, side.fates()) == (1, {Fate.UNLINKED: 1})
     digest = side.sent("link_up")[0]
     assert isinstance(digest, Digest)
     assert digest.full
     assert digest.entries == (Entry(1, 0, 0, 1), Entry(2, 0, 0, 0))
-    assert seqs(side.sent("message", "/b", b"x")) == [0]
+    assert seqs(side.take("/b", b"x")) == [0]
     assert side.fates() == {Fate.UNLINKED: 1, Fate.SENT: 1}
 
 
@@ -247,8 +261,8 @@ def test_latest_and_state_keep_only_the_last() -> None:
     side.see("/latest")
     side.see("/s", durable=True, depth=2)
     for _ in range(3):
-        side.do("message", "/latest", b"x")
-        side.do("message", "/s", b"x")
+        side.take("/latest", b"x")
+        side.take("/s", b"x")
     latest, state = side.core.routes()
     assert (latest.held, latest.fates) == (1, {Fate.CONFLATED: 2})
     assert (state.held, state.fates) == (2, {Fate.EVICTED: 1})
@@ -259,10 +273,10 @@ def test_the_cap_takes_the_oldest_of_the_route_that_holds_most() -> None:
     side.see("/big")
     side.see("/small")
     for _ in range(3):
-        side.do("message", "/big", b"x")
-    side.do("message", "/small", b"x")
+        side.take("/big", b"x")
+    side.take("/small", b"x")
     assert [(one.held, one.next) for one in side.core.routes()] == [(2, 3), (1, 1)]
-    side.do("message", "/big", b"x")
+    side.take("/big", b"x")
     assert [(one.held, one.next) for one in side.core.routes()] == [(2, 4), (1, 1)]
     assert side.core.stats().held_bytes == 3 * 401
 
@@ -308,7 +322,7 @@ def test_contents_are_sent_again_when_asked_for_but_not_too_often() -> None:
     side = Side()
     side.see("/a")
     for _ in range(3):
-        side.do("message", "/a", b"x")
+        side.take("/a", b"x")
     wish = (Range(1, 1, 9), Range(5, 0, 1))
     assert side.ask(ranges=wish) == []
     side.now = 20 * MS
@@ -320,7 +334,7 @@ def test_who_asks_for_what_is_gone_is_told_so() -> None:
     side = Side(hold_bytes=401)
     side.see("/a")
     for _ in range(3):
-        side.do("message", "/a", b"x")
+        side.take("/a", b"x")
     assert side.ask(ranges=(Range(1, 0, 1),)) == []
     side.now = 50 * MS
     (told,) = side.ask(ranges=(Range(1, 0, 1),))
@@ -342,7 +356,7 @@ def test_whatever_is_asked_it_does_not_send_more_than_its_bounds() -> None:
     side = Side()
     side.see("/a")
     for _ in range(10):
-        side.do("message", "/a", b"x")
+        side.take("/a", b"x")
     sent: list[Effect | Frame] = []
     for ms in range(1000):
         side.now = ms * MS
