@@ -131,8 +131,8 @@ class Forwarder(Machine[int]):
         """A message of the subscription ``handle`` has come from the network.
 
         One that comes after its subscription has ended may be of another type than the topic has
-        now: it is counted as withdrawn. ``first`` and ``hop`` are those of :class:`.effects.Publish`, if the topic side can tell
-        that a relay published it; 0 if not.
+        now: it is counted as withdrawn. ``first`` and ``hop`` are those of
+        :class:`.effects.Publish`, if the topic side can tell that a relay published it; else 0.
         """
         self._at(now_ns)
         route = self._routes.get(handle)
