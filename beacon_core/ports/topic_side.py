@@ -39,7 +39,8 @@ class TopicSide(Protocol):
     """Carries out what a relay's core asks of its network.
 
     Thread rule: all methods from one thread at a time. The watcher is called from threads of the
-    side's choosing, or at once by a method's caller. What it does not promise: that types are installed; then ``publisher_failed`` says so.
+    side's choosing, or at once by a method's caller. What it does not promise: that types are
+    installed; then ``publisher_failed`` says so.
     """
 
     def start(self, watcher: TopicWatcher) -> None:
