@@ -1,0 +1,248 @@
+"""The relay's configuration: a YAML document into frozen values, or everything wrong with it.
+
+The reference for people is docs/relay.md; the same keys in the same order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any, Literal
+
+import attrs
+
+from beacon_core.errors import ConfigError
+from beacon_core.ports.relaying import (
+    CONDUIT_GROUP,
+    NETWORK_GROUP,
+    ConduitAdapter,
+    NetworkAdapter,
+)
+from beacon_core.relay.names import NameMap, Rule
+from beacon_core.relay.settings import Forwarding, Republishing
+from beacon_core.relay.values import Mode
+from beacon_core.validator import is_valid_id
+from beacon_gateway.config import LogFormat, LogLevel
+from beacon_gateway.documents import read_yaml
+from beacon_gateway.problems import did_you_mean
+from beacon_gateway.structuring import Structurer
+
+__all__ = [
+    "CarrierConfig",
+    "EndConfig",
+    "Find",
+    "ForwardConfig",
+    "RelayConfig",
+    "RelayHttp",
+    "RepublishConfig",
+    "RuleConfig",
+    "find_installed",
+    "load_relay_config",
+    "parse_relay_config",
+]
+
+_LOOPBACK = ("127.0.0.1", "::1", "localhost")
+
+Find = Callable[[str, str], Any]
+"""Gives the adapter of a group and a name, or raises ``ConfigError``."""
+
+
+def _pattern_of_one(instance: RuleConfig, _: object, value: str) -> None:
+    if bool(value) == bool(instance.allow):
+        raise ValueError("give one of allow and deny, with a pattern such as /camera/**")
+
+
+def _origin(_: object, __: object, value: int | None) -> None:
+    if value is not None and not 0 < value < 2**63:
+        raise ValueError("give a whole number above 0 and below 2**63, or leave it out")
+
+
+def _loopback(_: object, __: object, value: str) -> None:
+    if value not in _LOOPBACK:
+        raise ValueError(
+            f"found {ascii(value)[:60]}; this address is for this machine only. To show the relay"
+            " to others put it into a gateway's configuration, under relay"
+        )
+
+
+def _port(_: object, __: object, value: int) -> None:
+    if not 0 <= value <= 65535:
+        raise ValueError(f"found the number {value}; give a port, 0 to 65535 (0: any free one)")
+
+
+def _named(_: object, __: object, value: Mapping[str, object]) -> None:
+    if not value:
+        raise ValueError("found no end; give at least one, such as {robot: {network: ...}}")
+    for name in value:
+        if not is_valid_id(name):
+            raise ValueError(
+                f"found an end named {ascii(name)[:60]}; give a name of A-Z a-z 0-9 _ -"
+            )
+
+
+@attrs.frozen
+class CarrierConfig:
+    """A network or a conduit: an adapter with its options."""
+
+    adapter: str = attrs.field(metadata={"right": "the name of an installed adapter"})
+    options: Any = None
+    """An instance of the adapter's own options class."""
+
+
+@attrs.frozen
+class RuleConfig:
+    """One line: which topics are carried, under which name, and how; or which are not."""
+
+    allow: str = ""
+    deny: str = attrs.field(default="", validator=_pattern_of_one)
+    to: str = ""
+    mode: Literal["ordered", "latest", "best_effort", "state"] | None = None
+
+    def rule(self) -> Rule:
+        """The same for the core. ``ConfigError`` if it cannot be understood."""
+        mode = None if self.mode is None else Mode[self.mode.upper()]
+        return Rule(bool(self.allow), self.allow or self.deny, self.to, mode)
+
+
+@attrs.frozen
+class ForwardConfig:
+    """From the network into the conduit. The limits are those of :class:`.Forwarding`."""
+
+    rules: tuple[RuleConfig, ...] = ()
+    hold_bytes: int = attrs.field(default=Forwarding().hold_bytes, metadata={"at_least": 0})
+    message_bytes: int = attrs.field(default=Forwarding().message_bytes, metadata={"at_least": 0})
+    max_routes: int = attrs.field(default=Forwarding().max_routes, metadata={"at_least": 1})
+    max_hops: int = attrs.field(default=Forwarding().max_hops, metadata={"at_least": 1})
+
+    def names(self) -> NameMap:
+        """The rules for the core."""
+        return NameMap(tuple(one.rule() for one in self.rules))
+
+    def settings(self) -> Forwarding:
+        """The limits for the core."""
+        return Forwarding(
+            hold_bytes=self.hold_bytes,
+            message_bytes=self.message_bytes,
+            max_routes=self.max_routes,
+            max_hops=self.max_hops,
+        )
+
+
+@attrs.frozen
+class RepublishConfig:
+    """From the conduit to the network. The limits are those of :class:`.Republishing`."""
+
+    hold_bytes: int = attrs.field(default=Republishing().hold_bytes, metadata={"at_least": 0})
+    max_origins: int = attrs.field(default=Republishing().max_origins, metadata={"at_least": 1})
+    gap_s: float = attrs.field(default=1.0, metadata={"at_least": 0.0})
+    match_s: float = attrs.field(default=0.5, metadata={"at_least": 0.0})
+    advertise_delay_s: float | None = None
+
+    def settings(self) -> Republishing:
+        """The limits for the core."""
+        delay_s = self.advertise_delay_s
+        return Republishing(
+            hold_bytes=self.hold_bytes,
+            max_origins=self.max_origins,
+            gap_ns=_ns(self.gap_s),
+            match_ns=_ns(self.match_s),
+            advertise_delay_ns=None if delay_s is None else _ns(delay_s),
+        )
+
+
+@attrs.frozen
+class EndConfig:
+    """One network, one conduit, and what goes which way."""
+
+    network: CarrierConfig
+    conduit: CarrierConfig
+    forward: ForwardConfig | None = None
+    republish: RepublishConfig | None = None
+    origin: int | None = attrs.field(default=None, validator=_origin)
+    """``None``: made from what this machine is, the configuration's path and the end's name."""
+
+
+@attrs.frozen
+class RelayHttp:
+    """Where ``beacon relay status`` asks."""
+
+    host: str = attrs.field(default="127.0.0.1", validator=_loopback)
+    port: int = attrs.field(default=8090, validator=_port)
+
+
+@attrs.frozen
+class RelayConfig:
+    """Everything that can be configured."""
+
+    ends: Mapping[str, EndConfig] = attrs.field(
+        validator=_named, metadata={"right": "ends by name, such as {robot: {network: ...}}"}
+    )
+    http: RelayHttp = RelayHttp()
+    state_folder: Path | None = None
+    """``None``: where programs of this user keep their state."""
+    log_level: LogLevel = LogLevel.INFO
+    log_format: LogFormat = LogFormat.TEXT
+
+
+def find_installed(group: str, name: str) -> Any:
+    """The adapter that a package has registered. ``ConfigError`` with what there is instead."""
+    points = {point.name: point for point in entry_points(group=group)}
+    if name not in points:
+        kind = group.removeprefix("beacon.").removesuffix("s")
+        raise ConfigError(f"no {kind} {name!r} is installed{did_you_mean(name, points)}")
+    try:
+        return points[name].load()
+    except Exception as error:  # whatever somebody else's package raises when imported
+        raise ConfigError(f"{name!r} cannot be loaded: {error}") from error
+
+
+def load_relay_config(path: Path, find: Find = find_installed) -> RelayConfig:
+    """Read a file. Raises ``ConfigError``: every problem at once, one per line."""
+    return parse_relay_config(read_yaml(path), find)
+
+
+def parse_relay_config(document: object, find: Find = find_installed) -> RelayConfig:
+    """Structure what a file holds. Raises as :func:`load_relay_config`."""
+    structurer = Structurer()
+    structurer.hook(EndConfig, lambda value: _end(value, structurer, find))
+    structurer.hook(RuleConfig, lambda value: _rule(value, structurer))
+    return structurer.structure({} if document is None else document, RelayConfig)
+
+
+def _end(value: object, structurer: Structurer, find: Find) -> EndConfig:
+    given = dict(structurer.mapping(value))
+    for key, group in (("network", NETWORK_GROUP), ("conduit", CONDUIT_GROUP)):
+        if key in given:
+            with structurer.at(f".{key}"):
+                given[key] = _carrier(given[key], group, structurer, find)
+    if isinstance(given.get("forward"), list):
+        given["forward"] = {"rules": given["forward"]}
+    if isinstance(given.get("republish"), bool):
+        given["republish"] = {} if given["republish"] else None
+    end = structurer.fields(given, EndConfig)
+    if end.forward is None and end.republish is None:
+        structurer.note("this end does nothing; give forward with rules, or republish: true")
+    return end
+
+
+def _carrier(value: object, group: str, structurer: Structurer, find: Find) -> CarrierConfig:
+    given = dict(structurer.mapping(value))
+    options = given.pop("options", None)
+    name = given.get("adapter")
+    if isinstance(name, str):
+        with structurer.at(".adapter"):
+            adapter: ConduitAdapter | NetworkAdapter = find(group, name)
+            with structurer.at("..options"):
+                given["options"] = structurer.part(options, adapter.options)
+    return structurer.fields(given, CarrierConfig)
+
+
+def _rule(value: object, structurer: Structurer) -> RuleConfig:
+    rule = structurer.fields(value, RuleConfig)
+    rule.rule()
+    return rule
+
+
+def _ns(seconds: float) -> int:
+    return round(seconds * 1e9)
