@@ -97,7 +97,7 @@ class End:
         self.name, self._trace = name, trace
         self._side, self._conduit, self._clock = side, conduit, clock
         self._forwarder, self._republisher = forwarder, republisher
-        self._cores: dict[Hashable, Any] = {
+        self._cores: dict[int, Any] = {
             one: core for one, core in enumerate((forwarder, republisher)) if core is not None
         }
         self._linked, self._linked_since_ns = False, clock.monotonic_ns()
@@ -141,9 +141,8 @@ class End:
     def tell(self, one: int, method: str, *args: Any, size: int = 0, **named: Any) -> None:
         """Tell core ``one`` (0 the forwarder, 1 the republisher), if it is there."""
         if one in self._cores:
-            self._turns.take(
-                self._told, one, getattr(self._cores[one], method), args, named, size=size
-            )
+            told = getattr(self._cores[one], method)
+            self._turns.take(self._told, one, told, args, named, size=size)
 
     def link(self, *, up: bool) -> None:
         """The conduit's link is up, or down."""
@@ -172,7 +171,7 @@ class End:
         for effect in effects:
             try:
                 ways[type(effect)](effect)
-            except Exception:  # the others must be carried out all the same, above all Arm
+            except Exception:  # noqa: BLE001 - the others must be carried out all the same, above all Arm
                 _log.exception("%s: %s was not carried out", self.name, type(effect).__name__)
 
     def _link(self, up: bool) -> None:  # noqa: FBT001 - it is what has happened
@@ -182,16 +181,16 @@ class End:
             self._told(one, core.link_up if up else core.link_down, (), {})
 
     def _rung(self, one: Hashable) -> None:
-        self._turns.take(self._told, one, self._cores[one].tick, (), {})
+        self.tell(0 if one == 0 else 1, "tick")
 
     def _state(self) -> State:
         forwarder, republisher = self._forwarder, self._republisher
         return State(
             self._linked,
             self._linked_since_ns,
-            forwarder and forwarder.stats(),
+            forwarder.stats() if forwarder else None,
             forwarder.routes() if forwarder else (),
-            republisher and republisher.stats(),
+            republisher.stats() if republisher else None,
             republisher.lanes() if republisher else (),
         )
 

@@ -1,8 +1,8 @@
 """Who an end is, for ever and in this life: its origin and its epoch.
 
-Receivers know a forwarder by its *origin*, and its lives by their *epoch*, which must rise with each
-start: what a life with a lower epoch says is not believed any more. The wall clock serves, but it
-may be set back, as on a board without a battery. So the last epoch is kept in a small file.
+Receivers know a forwarder by its *origin*, and its lives by their *epoch*, which must rise with
+each start: what a life with a lower epoch says is not believed any more. The wall clock serves, but
+it may be set back, as on a board without a battery. So the last epoch is kept in a small file.
 """
 
 from __future__ import annotations

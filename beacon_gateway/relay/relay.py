@@ -84,12 +84,13 @@ class Relay:
         config, who = self._config.ends[name], names[name]
         now_ns = self._clock.monotonic_ns()
         own = tuple(one.origin for one in names.values() if one.network == who.network)
-        forwarder = config.forward and ForwarderBirth(
-            who.origin, who.epoch, config.forward.names(), config.forward.settings(), now_ns
-        )
-        republisher = config.republish and RepublisherBirth(
-            new_asker(), own, config.republish.settings(), now_ns
-        )
+        forwarder = republisher = None
+        if (forward := config.forward) is not None:
+            forwarder = ForwarderBirth(
+                who.origin, who.epoch, forward.names(), forward.settings(), now_ns
+            )
+        if (republish := config.republish) is not None:
+            republisher = RepublisherBirth(new_asker(), own, republish.settings(), now_ns)
         network = self._find(NETWORK_GROUP, config.network.adapter)
         conduit = self._find(CONDUIT_GROUP, config.conduit.adapter)
         return End(
@@ -97,9 +98,9 @@ class Relay:
             network.topic_side(config.network.options),
             conduit.conduit(config.conduit.options),
             self._clock,
-            forwarder=forwarder and forwarder.make(),
-            republisher=republisher and republisher.make(),
-            trace=trace and trace.of(name, (forwarder, republisher)),
+            forwarder=forwarder.make() if forwarder else None,
+            republisher=republisher.make() if republisher else None,
+            trace=trace.of(name, (forwarder, republisher)) if trace else None,
         )
 
 

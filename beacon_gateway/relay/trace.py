@@ -16,7 +16,7 @@ import json
 import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import attrs
 import cattrs
@@ -77,7 +77,7 @@ class TraceFile:
             raise ConfigError(f"{path}: {error.strerror or error}") from error
         self._lock = threading.Lock()
 
-    def __enter__(self) -> TraceFile:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -97,5 +97,5 @@ class Turns:
 def _do(job: Callable[..., object], args: tuple[Any, ...]) -> None:
     try:
         job(*args)
-    except Exception:  # what one job breaks, the next ones need not suffer
+    except Exception:  # noqa: BLE001 - what one job breaks, the next ones need not suffer
         _log.exception("a defect of the relay, or of what it is connected to")
