@@ -26,6 +26,7 @@ COMMANDS: Mapping[str, str] = {
     "token": "make an API token, or a client's secret",
     "check-config": "check a configuration and show what it means",
     "doctor": "explain an empty view: look at each source's carrier",
+    "relay": "carry topics of any type from one network to another",
 }
 """Each subcommand with its line in the help; a module in ``commands`` of that name runs it."""
 

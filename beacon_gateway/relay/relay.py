@@ -50,7 +50,7 @@ class Relay:
         check_loops(config, find)
         self._config, self._place, self._find = config, place, find
         self._trace = trace
-        self._clock: Clock = SystemClock() if clock is None else clock
+        self.clock: Clock = SystemClock() if clock is None else clock
         self.ends: Mapping[str, End] = {}
         self.names: Mapping[str, EndName] = {}
         self._opened = ExitStack()
@@ -77,12 +77,12 @@ class Relay:
         config = self._config.ends[name]
         origin = config.origin or origin_of(self._place, name)
         folder = self._config.state_folder or default_state_folder()
-        epoch = opened.enter_context(next_epoch(folder, origin, self._clock))
+        epoch = opened.enter_context(next_epoch(folder, origin, self.clock))
         return EndName(*_identities(config, self._find), origin, epoch)
 
     def _end(self, name: str, names: Mapping[str, EndName], trace: TraceFile | None) -> End:
         config, who = self._config.ends[name], names[name]
-        now_ns = self._clock.monotonic_ns()
+        now_ns = self.clock.monotonic_ns()
         own = tuple(one.origin for one in names.values() if one.network == who.network)
         forwarder = republisher = None
         if (forward := config.forward) is not None:
@@ -97,7 +97,7 @@ class Relay:
             name,
             network.topic_side(config.network.options),
             conduit.conduit(config.conduit.options),
-            self._clock,
+            self.clock,
             forwarder=forwarder.make() if forwarder else None,
             republisher=republisher.make() if republisher else None,
             trace=trace.of(name, (forwarder, republisher)) if trace else None,
