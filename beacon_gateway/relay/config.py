@@ -6,6 +6,7 @@ The reference for people is docs/relay.md; the same keys in the same order.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Literal
@@ -13,12 +14,7 @@ from typing import Any, Literal
 import attrs
 
 from beacon_core.errors import ConfigError
-from beacon_core.ports.relaying import (
-    CONDUIT_GROUP,
-    NETWORK_GROUP,
-    ConduitAdapter,
-    NetworkAdapter,
-)
+from beacon_core.ports.relaying import CONDUIT_GROUP, NETWORK_GROUP
 from beacon_core.relay.names import NameMap, Rule
 from beacon_core.relay.settings import Forwarding, Republishing
 from beacon_core.relay.values import Mode
@@ -29,10 +25,11 @@ from beacon_gateway.problems import did_you_mean
 from beacon_gateway.structuring import Structurer
 
 __all__ = [
-    "CarrierConfig",
+    "ConduitConfig",
     "EndConfig",
     "Find",
     "ForwardConfig",
+    "NetworkConfig",
     "RelayConfig",
     "RelayHttp",
     "RepublishConfig",
@@ -82,10 +79,19 @@ def _named(_: object, __: object, value: Mapping[str, object]) -> None:
 
 
 @attrs.frozen
-class CarrierConfig:
-    """A network or a conduit: an adapter with its options."""
+class NetworkConfig:
+    """The network beside an end."""
 
-    adapter: str = attrs.field(metadata={"right": "the name of an installed adapter"})
+    adapter: str = attrs.field(metadata={"right": "the name of an installed network"})
+    options: Any = None
+    """An instance of the adapter's own options class."""
+
+
+@attrs.frozen
+class ConduitConfig:
+    """The way to the other ends."""
+
+    adapter: str = attrs.field(metadata={"right": "the name of an installed conduit"})
     options: Any = None
     """An instance of the adapter's own options class."""
 
@@ -155,8 +161,8 @@ class RepublishConfig:
 class EndConfig:
     """One network, one conduit, and what goes which way."""
 
-    network: CarrierConfig
-    conduit: CarrierConfig
+    network: NetworkConfig = attrs.field(metadata={"right": "a network, such as {adapter: ros}"})
+    conduit: ConduitConfig = attrs.field(metadata={"right": "a conduit, such as {adapter: zenoh}"})
     forward: ForwardConfig | None = None
     republish: RepublishConfig | None = None
     origin: int | None = attrs.field(default=None, validator=_origin)
@@ -205,17 +211,15 @@ def load_relay_config(path: Path, find: Find = find_installed) -> RelayConfig:
 def parse_relay_config(document: object, find: Find = find_installed) -> RelayConfig:
     """Structure what a file holds. Raises as :func:`load_relay_config`."""
     structurer = Structurer()
-    structurer.hook(EndConfig, lambda value: _end(value, structurer, find))
+    structurer.hook(EndConfig, lambda value: _end(value, structurer))
+    for cls, group in ((NetworkConfig, NETWORK_GROUP), (ConduitConfig, CONDUIT_GROUP)):
+        structurer.hook(cls, partial(_carrier, cls, group, structurer, find))
     structurer.hook(RuleConfig, lambda value: _rule(value, structurer))
     return structurer.structure({} if document is None else document, RelayConfig)
 
 
-def _end(value: object, structurer: Structurer, find: Find) -> EndConfig:
+def _end(value: object, structurer: Structurer) -> EndConfig:
     given = dict(structurer.mapping(value))
-    for key, group in (("network", NETWORK_GROUP), ("conduit", CONDUIT_GROUP)):
-        if key in given:
-            with structurer.at(f".{key}"):
-                given[key] = _carrier(given[key], group, structurer, find)
     if isinstance(given.get("forward"), list):
         given["forward"] = {"rules": given["forward"]}
     if isinstance(given.get("republish"), bool):
@@ -226,16 +230,17 @@ def _end(value: object, structurer: Structurer, find: Find) -> EndConfig:
     return end
 
 
-def _carrier(value: object, group: str, structurer: Structurer, find: Find) -> CarrierConfig:
+def _carrier(cls: type[Any], group: str, structurer: Structurer, find: Find, value: object) -> Any:
     given = dict(structurer.mapping(value))
     options = given.pop("options", None)
-    name = given.get("adapter")
-    if isinstance(name, str):
-        with structurer.at(".adapter"):
-            adapter: ConduitAdapter | NetworkAdapter = find(group, name)
-            with structurer.at("..options"):
-                given["options"] = structurer.part(options, adapter.options)
-    return structurer.fields(given, CarrierConfig)
+    adapter = None
+    with structurer.at(".adapter"):
+        name = given.get("adapter")
+        adapter = find(group, name) if isinstance(name, str) else None
+    if adapter is not None:
+        with structurer.at(".options"):
+            given["options"] = structurer.part(options, adapter.options)
+    return structurer.fields(given, cls)
 
 
 def _rule(value: object, structurer: Structurer) -> RuleConfig:

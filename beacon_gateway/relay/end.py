@@ -108,9 +108,8 @@ class End:
     def start(self) -> None:
         """Begin; raises what the conduit or the topic side raise, and is closed then."""
         try:
-            self._waker.start()
-            self._conduit.start(_Frames(self))
-            self._side.start(_Topics(self))
+            # In turn: so the core is told nothing, and asks for nothing, before both have begun.
+            self._turns.ask(self._begin)
         except Exception:
             self.close()
             raise
@@ -182,6 +181,11 @@ class End:
 
     def _rung(self, one: Hashable) -> None:
         self.tell(0 if one == 0 else 1, "tick")
+
+    def _begin(self) -> None:
+        self._waker.start()
+        self._conduit.start(_Frames(self))
+        self._side.start(_Topics(self))
 
     def _state(self) -> State:
         forwarder, republisher = self._forwarder, self._republisher
