@@ -17,6 +17,7 @@ from beacon_gateway.config import Config, Loaded, LogLevel, default_config, load
 from beacon_gateway.console.exits import Exit, Fault
 from beacon_gateway.console.flags import port
 from beacon_gateway.console.logs import set_up_logging
+from beacon_gateway.console.process import keep_answers_prompt
 from beacon_gateway.console.signals import on_reload_signal, on_stop_signal
 from beacon_gateway.console.terminal import write_json
 from beacon_gateway.gateway import Gateway
@@ -71,9 +72,11 @@ def run(arguments: argparse.Namespace) -> int:
         connections = config.http.max_streams + _OTHER_CONNECTIONS
         allow_connections(connections)
         reload = Reload(lambda: _read(arguments), gateway, access, server, _log_as)
+        app = create_app(gateway, access)
+        keep_answers_prompt()
         with on_reload_signal(reload):
             server.serve(
-                create_app(gateway, access),
+                app,
                 at_stop=gateway.stopping.set,
                 max_connections=connections,
             )

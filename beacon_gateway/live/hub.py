@@ -32,8 +32,8 @@ STUCK_S = 20.0
 """A client that takes nothing for so long is not there any more, or might as well not be."""
 
 _LOOK_EVERY_S = 0.1
-_PORTION = 25
-"""Clients that are woken at once: 1 or 2 ms of writing."""
+_PORTION = 8
+"""Clients that are woken at once: half a millisecond of writing."""
 
 
 class Full(Exception):  # noqa: N818 - an answer, not a fault

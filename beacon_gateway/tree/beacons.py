@@ -9,13 +9,14 @@ else knows, it is one while such an app is listed.
 
 Mapping again costs what has changed. A store tells of its changes, and a refresh is none; but a
 refresh may turn the freshest source into another one, so entities of which several sources say
-different things are looked at each time.
+different things are looked at without a change: some of them each time, in turn.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Container, Iterable, Mapping, Sequence
+from itertools import islice
 from typing import Generic, TypeVar
 
 from beacon_core.lifecycle import Status
@@ -28,6 +29,10 @@ __all__ = ["BEACON", "BeaconLayer"]
 
 BEACON = "beacon"
 """The ``source`` of what nobody but a hint told of."""
+
+_DOUBTS = 100
+"""Looked at each time: half a millisecond. Where a whole carrier has fallen silent there are as
+many as entities, and whoever asks is not to wait for all of them."""
 
 _T = TypeVar("_T")
 
@@ -72,6 +77,8 @@ class BeaconLayer:
         self._newly_skipped: list[str] = []
         self.revision = 0
         """Rises when a beacon has changed in any way but its age."""
+        self.touched: Mapping[str, Collection[str]] = {}
+        """By kind of entity, of whom the latest tree says another thing than the one before."""
 
     @property
     def never_heard(self) -> Container[str]:
@@ -104,7 +111,8 @@ class BeaconLayer:
         The same object as last time if nothing has changed.
         """
         self.listen()
-        touched = self._doubtful | self._changed
+        # Whoever is looked at goes to their end.
+        touched = dict.fromkeys(islice(self._doubtful, _DOUBTS)) | self._changed
         self._changed = {}
         before, self._known = self._known, known
         if before is not known:
@@ -147,6 +155,11 @@ class BeaconLayer:
         columns = (components, apps, functions)
         if not any(column.changed for column in columns):
             return self._tree
+        self.touched = {
+            "components": components.touched,
+            "apps": apps.touched,
+            "functions": functions.touched,
+        }
         return Tree(components=components.items, apps=apps.items, functions=functions.items)
 
     def _shadow(self, entity_id: str) -> App | Component | None:
@@ -243,6 +256,8 @@ class _Column(Generic[_T]):
     def __init__(self, items: Mapping[str, _T]) -> None:
         self._original = items
         self._copy: dict[str, _T] | None = None
+        self.touched: dict[str, None] = {}
+        """Who was set or taken away."""
 
     @property
     def items(self) -> Mapping[str, _T]:
@@ -256,6 +271,7 @@ class _Column(Generic[_T]):
         """Set, or (``None``) take away; what is equal stays the same object."""
         if self.items.get(key) == value:
             return
+        self.touched[key] = None
         if self._copy is None:
             self._copy = dict(self._original)
         if value is None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from itertools import compress
 from operator import is_not
 from typing import Any, cast
@@ -25,8 +25,9 @@ class IncrementalMerge:
     """Keeps the last result, and folds again only entities that changed in any layer.
 
     An entity has changed if it is another object: values are immutable, so whoever leaves one alone
-    hands in the same. Gives the same as :func:`~.merge.merge`, but for the order of entities: what
-    is new comes last. A tree that was handed out stays as it is.
+    hands in the same. All are compared, unless a layer says itself who that can be
+    (:attr:`~.merge.Layer.touched`). Gives the same as :func:`~.merge.merge`, but for the order of
+    entities: what is new comes last. A tree that was handed out stays as it is.
 
     Thread rule: none of its own; one call at a time.
     """
@@ -44,6 +45,8 @@ class IncrementalMerge:
         self._tree = Tree()
         self._conflicts: dict[str, dict[str, tuple[Conflict, ...]]] = {kind: {} for kind in KINDS}
         self._enriched: dict[str, set[str]] = {kind: set() for kind in KINDS}
+        self.folded: Mapping[str, Collection[str]] = {}
+        """By kind, who was folded by the last ``merge``: nobody else has changed in it."""
 
     def merge(self, layers: Sequence[Layer]) -> MergeResult:
         """All layers together, as they are now.
@@ -53,10 +56,11 @@ class IncrementalMerge:
         old, self._layers = self._layers, tuple(layers)
         another = list(map(_rank, old)) != list(map(_rank, layers))
         kinds: dict[str, Mapping[str, Entity]] = {}
-        for kind in KINDS:
-            before = [entities_of(layer, kind) for layer in old]
-            now = [entities_of(layer, kind) for layer in layers]
-            touched = _all(before, now) if another else _changed(before, now)
+        self.folded = {
+            kind: _all(kind, old, layers) if another else _changed(kind, old, layers)
+            for kind in KINDS
+        }
+        for kind, touched in self.folded.items():
             kept = getattr(self._tree, kind)
             kinds[kind] = self._folded(kind, touched) if touched else kept
         if any(kinds[kind] is not getattr(self._tree, kind) for kind in KINDS):
@@ -104,20 +108,23 @@ def _rank(layer: Layer) -> tuple[object, ...]:
     return layer.name, layer.policies, layer.unites_lists
 
 
-def _all(before: Iterable[Iterable[str]], now: Iterable[Iterable[str]]) -> dict[str, None]:
-    return {entity_id: None for ids in (*now, *before) for entity_id in ids}
+def _all(kind: str, *times: Iterable[Layer]) -> dict[str, None]:
+    layers = [layer for layers in times for layer in layers]
+    return {entity_id: None for layer in layers for entity_id in entities_of(layer, kind)}
 
 
-def _changed(
-    before: Sequence[Mapping[str, Entity]], now: Sequence[Mapping[str, Entity]]
-) -> dict[str, None]:
-    pairs = zip(before, now, strict=True)
-    return {entity_id: None for old, new in pairs for entity_id in _difference(old, new)}
+def _changed(kind: str, before: Sequence[Layer], now: Sequence[Layer]) -> dict[str, None]:
+    changed: dict[str, None] = {}
+    for then, layer in zip(before, now, strict=True):
+        old, new = entities_of(then, kind), entities_of(layer, kind)
+        if old is not new:
+            known = layer.touched
+            found = _difference(old, new) if known is None else known.get(kind, ())
+            changed.update(dict.fromkeys(found))
+    return changed
 
 
 def _difference(old: Mapping[str, Entity], new: Mapping[str, Entity]) -> Iterable[str]:
-    if old is new:
-        return ()
     if len(old) == len(new) and not any(map(is_not, old, new)):
         # The usual case, without a look-up for each: the same ids in the same order.
         return compress(new, map(is_not, new.values(), old.values()))

@@ -97,6 +97,7 @@ class TreeKeeper:
         self._merged: tuple[object, ...] = (None, None, None)
         self._merges = 0
         self._result = MergeResult(Tree())
+        self._on_host: set[str] = set()
         self._rolled_up = RollUps((), self._depends_on, self._fault)
         self._rolled_up_of: tuple[int, int] | None = None
         self._logged: set[str] = set()
@@ -104,8 +105,12 @@ class TreeKeeper:
 
     def tree(self) -> Tree:
         """As it is now. Without a change it is the same object, and that costs next to nothing."""
-        with self._up_to_date():
-            return self._result.tree
+        # Without ``_up_to_date``: nearly every request asks this, and nearly none has to say more.
+        with self._lock:
+            self._refresh()
+            tree, messages, self._messages = self._result.tree, self._messages, []
+        _say(messages)
+        return tree
 
     def take_manifest(self, manifest: Manifest) -> None:
         """From now on this one is known beforehand; only what it changes is merged again."""
@@ -172,16 +177,19 @@ class TreeKeeper:
             self._refresh()
             messages, self._messages = self._messages, []
             yield
-        for level, message in messages:
-            _log.log(level, "%s", message)
+        _say(messages)
 
     def _refresh(self) -> None:
         self._look_around()
         self._said = self._beacons.map(self._known)
-        self._messages += [
-            (logging.WARNING, f"{quoted(one)} is no known app or component: its hint is skipped")
-            for one in self._beacons.newly_skipped()
-        ]
+        if skipped := self._beacons.newly_skipped():
+            self._messages += [
+                (
+                    logging.WARNING,
+                    f"{quoted(one)} is no known app or component: its hint is skipped",
+                )
+                for one in skipped
+            ]
         parts = (self._manifest, self._runtime, self._said)
         if all(map(is_, parts, self._merged)):
             return
@@ -190,8 +198,10 @@ class TreeKeeper:
         if self._result.tree is before.tree:
             return
         self._merges += 1
+        self._count_who_is_on_the_host()
         # The host is shown while somebody is on it, and whether that is so shows only now.
-        filled = any(component.area for component in self._said.components.values())
+        areas, said = self._manifest.tree.areas, self._said.components
+        filled = bool(areas) and any(component.area for component in said.values())
         shown = self._settings.host.tree(
             self._manifest.tree, hosting=self._hosting(), filled=filled
         )
@@ -216,13 +226,19 @@ class TreeKeeper:
             Layer("manifest", manifest.tree, policies),
             Layer("runtime", self._runtime, RUNTIME),
             Layer("host", self._host, HOST),
-            Layer("beacon", self._said, BEACONS, unites_lists=True),
+            Layer("beacon", self._said, BEACONS, unites_lists=True, touched=self._beacons.touched),
         )
 
     def _hosting(self) -> bool:
-        host = self._settings.host.id
-        apps = self._result.tree.apps.values()
-        return host in self._said.components or any(app.component_id == host for app in apps)
+        return self._settings.host.id in self._said.components or bool(self._on_host)
+
+    def _count_who_is_on_the_host(self) -> None:
+        host, apps = self._settings.host.id, self._result.tree.apps
+        for one in self._merge.folded["apps"]:
+            if one in apps and apps[one].component_id == host:
+                self._on_host.add(one)
+            else:
+                self._on_host.discard(one)
 
     def _relink(self) -> None:
         manifest, settings = self._manifest, self._settings
@@ -302,6 +318,11 @@ class TreeKeeper:
             made = tree.components[entity_id].source == BEACON
             return made or entity_id == self._settings.host.id
         return entity_id in tree.areas or entity_id in tree.functions
+
+
+def _say(messages: Iterable[tuple[int, str]]) -> None:
+    for level, message in messages:
+        _log.log(level, "%s", message)
 
 
 def _listed(manifest: Manifest) -> tuple[str, ...]:

@@ -22,7 +22,7 @@ united with what was there. And there the hosts of a manifest's function are fin
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import chain
 from typing import Any, TypeAlias, TypeVar, cast
 
@@ -66,6 +66,9 @@ class Layer:
     policies: Policies
     unites_lists: bool = False
     """Its lists are additions."""
+    touched: Mapping[str, Collection[str]] | None = None
+    """By kind, of whom it may say another thing than the last time; ``None``: compare all. It is
+    for merging again, and what is merged does not depend on it."""
 
 
 @attrs.frozen

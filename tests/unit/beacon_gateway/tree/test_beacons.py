@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -193,6 +194,53 @@ def test_of_two_sources_the_freshest_is_believed_also_after_a_mere_refresh(make:
     fast.announce(said)
     plant.settle()
     assert tree(plant).apps["a"].name == "Fast"
+
+
+def test_of_many_over_whom_two_sources_differ_some_are_looked_at_each_time_in_turn() -> None:
+    clock, count, looked = ManualClock(), 250, list[str]()
+    stores = [HintStore(clock), HintStore(clock)]
+    layer = BeaconLayer(stores, _looking(stores, looked), allow_new_entities=True)
+    for number in range(count):
+        for store, name in zip(stores, ("One", "Other"), strict=True):
+            store.update(BeaconHint(f"app_{number}", display_name=name), source="robot")
+    layer.map(Tree())
+    assert len(looked) == count
+    rounds = []
+    for _ in range(3):
+        looked.clear()
+        layer.map(Tree())
+        rounds.append([*looked])
+    assert [len(one) for one in rounds] == [100, 100, 100]
+    assert len({one for asked in rounds for one in asked}) == count
+
+
+def test_a_layer_says_of_whom_it_says_something_else() -> None:
+    store = HintStore(ManualClock())
+    layer = BeaconLayer([store], _looking([store], []), allow_new_entities=True)
+    for name in ("a", "b"):
+        store.update(BeaconHint(name, component_id="ecu"), source="robot")
+    layer.map(Tree())
+    assert {kind: {*ids} for kind, ids in layer.touched.items() if ids} == {
+        "apps": {"a", "b"},
+        "components": {"ecu"},
+    }
+    store.update(BeaconHint("a", display_name="A"), source="robot")
+    layer.map(Tree())
+    assert {kind: {*ids} for kind, ids in layer.touched.items() if ids} == {"apps": {"a"}}
+
+
+def _looking(stores: list[HintStore], looked: list[str]) -> Callable[[str], Beacon | None]:
+    """How all stores together have an entity; ``looked`` takes down who is asked for."""
+
+    def beacon(entity_id: str) -> Beacon | None:
+        looked.append(entity_id)
+        return Beacon.of(
+            View(str(number), "fake", stored)
+            for number, store in enumerate(stores)
+            if (stored := store.get(entity_id)) is not None
+        )
+
+    return beacon
 
 
 def test_a_goodbye_on_one_source_outweighs_an_older_word_on_another(make: Any) -> None:

@@ -432,6 +432,17 @@ def changed(stack: Sequence[Layer], data: st.DataObject) -> list[Layer]:
         for kind in kinds.values():
             kind.pop(gone, None)
     layer = attrs.evolve(stack[index], tree=Tree(**kinds))
+    if data.draw(st.booleans()):
+        # It may say itself who that is, and name others too.
+        touched = {
+            kind: {
+                one
+                for one in {*getattr(said, kind), *given}
+                if given.get(one) != getattr(said, kind).get(one) or data.draw(st.booleans())
+            }
+            for kind, given in kinds.items()
+        }
+        layer = attrs.evolve(layer, touched=touched)
     return [*stack[:index], layer, *stack[index + 1 :]]
 
 
@@ -446,6 +457,19 @@ def test_merging_again_leaves_who_did_not_change_and_what_was_handed_out_as_they
     assert second.functions is first.functions
     assert (set(first.apps), set(second.apps)) == ({"a", "b"}, {"a", "b", "c"})
     assert set(kept.merge((manifest(App("a")),)).tree.apps) == {"a"}
+
+
+def test_a_layer_that_says_who_has_changed_is_asked_about_nobody_else() -> None:
+    known = manifest(App("a", "One"), App("b", "Two"))
+    kept = IncrementalMerge()
+    kept.merge((known,))
+    assert set(kept.folded["apps"]) == {"a", "b"}
+    other = Tree(apps={"a": App("a", "Another"), "b": App("b", "Two")})
+    now = attrs.evolve(known, tree=other, touched={"apps": ("a",)})
+    assert kept.merge((now,)).tree.apps["a"].name == "Another"
+    assert {kind: [*ids] for kind, ids in kept.folded.items() if ids} == {"apps": ["a"]}
+    kept.merge((now,))
+    assert not any(kept.folded.values())
 
 
 def test_what_is_said_in_vain_leaves_the_tree_the_same_object() -> None:

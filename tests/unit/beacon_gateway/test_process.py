@@ -1,0 +1,30 @@
+"""What ``beacon run`` asks of its process."""
+
+from __future__ import annotations
+
+import gc
+import sys
+from collections.abc import Iterator
+
+import pytest
+
+from beacon_gateway.console.process import keep_answers_prompt
+
+
+@pytest.fixture
+def as_it_was() -> Iterator[None]:
+    interval_s, thresholds = sys.getswitchinterval(), gc.get_threshold()
+    yield
+    sys.setswitchinterval(interval_s)
+    gc.set_threshold(*thresholds)
+    gc.unfreeze()
+
+
+@pytest.mark.usefixtures("as_it_was")
+def test_no_thread_keeps_another_waiting_for_long_and_what_is_loaded_is_not_searched_again() -> (
+    None
+):
+    keep_answers_prompt()
+    assert sys.getswitchinterval() <= 0.001
+    assert gc.get_freeze_count() > 10_000
+    assert gc.isenabled()
