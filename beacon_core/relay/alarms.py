@@ -23,11 +23,14 @@ class Alarms(Generic[_K]):
     def __init__(self) -> None:
         self._due: dict[_K, tuple[int, int]] = {}
         self._heap: list[tuple[int, int, _K]] = []
+        self.changed = False
+        """Something may be due at another time than when the owner last looked."""
         self._serial = 0
         # Keeps the names out of comparisons, and makes every run alike.
 
     def set(self, key: _K, due_ns: int) -> None:
         """Make ``due_ns`` the time of ``key``, instead of what it was."""
+        self.changed = True
         self._serial += 1
         self._due[key] = (due_ns, self._serial)
         heapq.heappush(self._heap, (due_ns, self._serial, key))
@@ -42,13 +45,15 @@ class Alarms(Generic[_K]):
 
     def cancel(self, key: _K) -> None:
         """Nothing is due by this name; nothing happens if there was nothing."""
-        self._due.pop(key, None)
+        if self._due.pop(key, None) is not None:
+            self.changed = True
 
     def pop_due(self, now_ns: int) -> _K | None:
         """Take out the name that was due first, if any is due."""
         due_ns = self.next_ns()
         if due_ns is None or due_ns > now_ns:
             return None
+        self.changed = True
         _, _, key = heapq.heappop(self._heap)
         del self._due[key]
         return key

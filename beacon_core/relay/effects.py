@@ -2,6 +2,10 @@
 
 The owner carries the effects of one call out before it makes the next one. A publisher or a
 subscription is named by a handle: a number that is never used again.
+
+Nobody changes an effect. The two that are made for each message are not frozen all the same, since
+that would cost more than all that is done to it else: an ``attrs.frozen`` of five fields takes 0.58
+us to make, a ``NamedTuple`` 0.23 us, an ``attrs.define`` 0.19 us (CPython 3.11).
 """
 
 from __future__ import annotations
@@ -22,7 +26,7 @@ __all__ = [
 ]
 
 
-@attrs.frozen
+@attrs.define
 class Send:
     """Give this frame to the conduit. It may be lost: what must not be, is asked for again."""
 
@@ -59,7 +63,7 @@ class CreatePublisher:
     """The forwarder whose messages it is for: of most of them, also who took them first."""
 
 
-@attrs.frozen
+@attrs.define
 class Publish:
     """Publish these bytes, untouched, by the publisher of this handle: so they have its type."""
 

@@ -25,6 +25,8 @@ Nothing that comes in makes it send more than: an advertisement per route and a 
 
 from __future__ import annotations
 
+import sys
+
 import attrs
 
 from beacon_core.relay.effects import Effect, Send, Subscribe, Unsubscribe
@@ -35,14 +37,16 @@ from beacon_core.relay.forwarding import (
     SeenTopic,
 )
 from beacon_core.relay.frames import (
+    CONTENT,
+    HEAD,
     MAX_DEFINITION_BYTES,
+    VERSION,
     Advertisement,
     Content,
     Digest,
     Entry,
     Frame,
     Reset,
-    content_header,
     decode,
     encode,
     fingerprint,
@@ -93,6 +97,8 @@ class Forwarder(Machine[int]):
         self._routes: dict[int, _Route] = {}
         # Open and closed, in the order of their numbers.
         self._held_bytes = 0
+        self._most_bytes = min(settings.message_bytes, settings.hold_bytes - MESSAGE_OVERHEAD_BYTES)
+        # Of one message.
         self._past = Ledger()
         self._full_sent_ns: int | None = None
         self._malformed = self._foreign = 0
@@ -134,19 +140,32 @@ class Forwarder(Machine[int]):
         now: it is counted as withdrawn. ``first`` and ``hop`` are those of
         :class:`.effects.Publish`, if the topic side can tell that a relay published it; else 0.
         """
-        self._at(now_ns)
+        # All messages come this way: so there are few calls, and no detour over the list of
+        # effects; no time is set here that would have to be told.
+        if now_ns > self._now_ns:  # noqa: PLR1730 - max is a call
+            self._now_ns = now_ns
         route = self._routes.get(handle)
         if route is None or route.closed:
-            self._past.enter()
-            self._past.settle(Fate.WITHDRAWN)
-            return self._done()
-        route.ledger.enter()
-        fate = self._barred(payload, first, hop) or self._unkept(route)
-        if fate is not None:
-            route.ledger.settle(fate)
-            return self._done()
-        self._take(route, payload, stamp_ns, first or self._origin, hop)
-        return self._done()
+            self._past.pass_on(Fate.WITHDRAWN)
+            return []
+        origin, linked, history = self._origin, self._linked, route.history
+        if (
+            first == origin
+            or hop >= self._settings.max_hops
+            or len(payload) > self._most_bytes
+            or not (linked or history.most)
+        ):
+            route.ledger.pass_on(self._barred(payload, first, hop))
+            return []
+        seq, first = history.next, first or origin
+        header = HEAD.pack(
+            VERSION, CONTENT, hop, 0, origin, self._epoch, handle, seq, stamp_ns, first
+        )
+        route.changed_ns = self._now_ns
+        self._held_bytes += history.take(header, payload, self._now_ns if linked else None)
+        if self._held_bytes > self._settings.hold_bytes:
+            self._make_room(route)
+        return [Send(header, payload)] if linked else []
 
     # -- from the conduit
 
@@ -283,27 +302,15 @@ class Forwarder(Machine[int]):
 
     # -- messages
 
-    def _barred(self, payload: bytes, first: int, hop: int) -> Fate | None:
+    def _barred(self, payload: bytes, first: int, hop: int) -> Fate:
+        """Why a message is not taken."""
         if first == self._origin:
             return Fate.ECHO
         if hop >= self._settings.max_hops:
             return Fate.HOPS
-        most = min(self._settings.message_bytes, self._settings.hold_bytes - MESSAGE_OVERHEAD_BYTES)
-        return Fate.OVERSIZE if len(payload) > most else None
+        return Fate.OVERSIZE if len(payload) > self._most_bytes else Fate.UNLINKED
 
-    def _unkept(self, route: _Route) -> Fate | None:
-        return Fate.UNLINKED if route.mode is Mode.BEST_EFFORT and not self._linked else None
-
-    def _take(self, route: _Route, payload: bytes, stamp_ns: int, first: int, hop: int) -> None:
-        before = route.history.held_bytes
-        kept = route.history.keep(payload, stamp_ns, first, hop)
-        self._held_bytes += route.history.held_bytes - before
-        route.changed_ns = self._now_ns
-        if self._linked:
-            self._send_content(route, kept)
-        unsent = Fate.CONFLATED if route.mode is Mode.LATEST else Fate.EVICTED
-        while len(route.history) > route.most:
-            self._drop_oldest(route, unsent)
+    def _make_room(self, route: _Route) -> None:
         while self._held_bytes > self._settings.hold_bytes:
             self._drop_oldest(self._largest(route), Fate.EVICTED)
 
@@ -313,9 +320,7 @@ class Forwarder(Machine[int]):
         return max(self._routes.values(), key=lambda one: one.history.held_bytes)
 
     def _drop_oldest(self, route: _Route, unsent: Fate) -> None:
-        before = route.history.held_bytes
-        route.history.drop_oldest(unsent)
-        self._held_bytes += route.history.held_bytes - before
+        self._held_bytes -= route.history.drop_oldest(unsent)
         route.changed_ns = self._now_ns
 
     # -- questions
@@ -356,7 +361,7 @@ class Forwarder(Machine[int]):
             for kept in route.history.run(one.start, one.count):
                 gap_ns = self._settings.resend_gap_ns
                 if kept.sent_ns is None or self._now_ns - kept.sent_ns >= gap_ns:
-                    self._send_content(route, kept)
+                    self._send_content(kept)
 
     def _may_tell(self, route: _Route) -> bool:
         told_ns = route.told_ns
@@ -409,18 +414,9 @@ class Forwarder(Machine[int]):
             )
         )
 
-    def _send_content(self, route: _Route, kept: Kept) -> None:
+    def _send_content(self, kept: Kept) -> None:
         kept.sent_ns = self._now_ns
-        header = content_header(
-            self._origin,
-            self._epoch,
-            route.number,
-            kept.seq,
-            kept.stamp_ns,
-            kept.first,
-            kept.hop,
-        )
-        self._effects.append(Send(header, kept.payload))
+        self._effects.append(Send(kept.header, kept.payload))
 
     def _send(self, frame: Frame) -> None:
         self._effects.append(Send(*encode(frame)))
@@ -443,20 +439,19 @@ class _Route:
     told_ns: int | None = None
     ledger: Ledger = attrs.field(factory=Ledger)
     history: History = attrs.field(
-        default=attrs.Factory(lambda self: History(self.ledger), takes_self=True)
+        default=attrs.Factory(lambda self: _history(self), takes_self=True)  # noqa: PLW0108 - it follows
     )
 
-    @property
-    def most(self) -> float:
-        """Messages to keep."""
-        match self.mode:
-            case Mode.ORDERED:
-                return float("inf")
-            case Mode.STATE:
-                return max(1, self.seen.qos.depth)
-            case Mode.LATEST:
-                return 1
-        return 0
+
+def _history(route: _Route) -> History:
+    match route.mode:
+        case Mode.ORDERED:
+            return History(route.ledger, sys.maxsize, Fate.EVICTED)
+        case Mode.STATE:
+            return History(route.ledger, max(1, route.seen.qos.depth), Fate.EVICTED)
+        case Mode.LATEST:
+            return History(route.ledger, 1, Fate.CONFLATED)
+    return History(route.ledger, 0, Fate.UNLINKED)
 
 
 def _fits(text: str) -> bool:

@@ -30,6 +30,8 @@ import attrs
 from beacon_core.relay.values import Mode, Qos, TopicType
 
 __all__ = [
+    "CONTENT",
+    "HEAD",
     "HEADER_BYTES",
     "MAX_DEFINITION_BYTES",
     "MAX_ENTRIES",
@@ -195,8 +197,15 @@ class Malformed:
     reason: str
 
 
-# version, kind, hop, flags, origin, epoch, route, seq, stamp, first
-_HEAD = struct.Struct("<BBBBQQIQqQ")
+HEAD = struct.Struct("<BBBBQQIQqQ")
+"""Version, kind, hop, flags, origin, epoch, route, seq, stamp, first: all there is of a content.
+
+What these mean in other frames is known here only. For who has no time for more, with ``CONTENT``.
+"""
+
+CONTENT = int(Kind.CONTENT)
+"""The kind; an enum's member costs a call to pack."""
+
 _ADVERT = struct.Struct("<IQQBI")
 _DIGEST = struct.Struct("<QQI")
 _ENTRY = struct.Struct("<IIQQ")
@@ -205,8 +214,6 @@ _ROUTE = struct.Struct("<I")
 _RANGE = struct.Struct("<IQH")
 _PRINTED = struct.Struct("<IIQ")
 
-_CONTENT = int(Kind.CONTENT)
-# An enum's member costs a call to pack.
 _RELIABLE, _DURABLE, _CLOSED, _DEFINED = 1, 2, 4, 8
 _FULL = 1
 _DEFINITIONS = 1
@@ -238,9 +245,9 @@ def decode(header: bytes, payload: bytes) -> Frame | Malformed:
 
 def _decode(header: bytes, payload: bytes) -> Frame:
     _must(len(header) >= HEADER_BYTES, "shorter than a header")
-    version, kind, hop, flags, origin, epoch, route, seq, stamp, first = _HEAD.unpack_from(header)
+    version, kind, hop, flags, origin, epoch, route, seq, stamp, first = HEAD.unpack_from(header)
     _must(version == VERSION, f"version {version}; known is {VERSION}")
-    if kind == _CONTENT:
+    if kind == CONTENT:
         _must(len(header) == HEADER_BYTES and not flags, "more than a content's header")
         return Content(origin, epoch, route, seq, stamp, payload, first, hop)
     _must(hop == 0, "only contents pass more than one relay")
@@ -261,7 +268,7 @@ def content_header(
     origin: int, epoch: int, route: int, seq: int, stamp_ns: int, first: int, hop: int
 ) -> bytes:
     """What :func:`encode` writes before a content's payload, for who has no :class:`Content`."""
-    return _HEAD.pack(VERSION, _CONTENT, hop, 0, origin, epoch, route, seq, stamp_ns, first)
+    return HEAD.pack(VERSION, CONTENT, hop, 0, origin, epoch, route, seq, stamp_ns, first)
 
 
 def fingerprint(routes: Iterable[tuple[int, int, int]]) -> int:
@@ -280,7 +287,7 @@ def _advertisement(one: Advertisement) -> bytes:
     )
     texts = b"".join(map(_text, (one.name, one.type.name, one.type.digest)))
     return (
-        _HEAD.pack(
+        HEAD.pack(
             VERSION,
             Kind.ADVERTISEMENT,
             0,
@@ -329,7 +336,7 @@ def _read_advertisement(
 
 def _digest(one: Digest) -> bytes:
     return (
-        _HEAD.pack(
+        HEAD.pack(
             VERSION,
             Kind.DIGEST,
             0,
@@ -361,7 +368,7 @@ def _read_digest(body: _Reader, flags: int, head: tuple[int, int, int, int, int]
 
 def _reset(one: Reset) -> bytes:
     return (
-        _HEAD.pack(
+        HEAD.pack(
             VERSION,
             Kind.RESET,
             0,

@@ -69,6 +69,11 @@ class Ledger:
         if count:
             self._settled[fate] += count
 
+    def pass_on(self, fate: Fate) -> None:
+        """One has come, and ended so at once."""
+        self.entered += 1
+        self._settled[fate] += 1
+
     def fates(self) -> dict[Fate, int]:
         """How many ended how; those that none ended in are left out."""
         return dict(self._settled)

@@ -27,14 +27,19 @@ class Machine(Generic[_K]):
 
     def _at(self, now_ns: int) -> None:
         """It is so late now; a clock that goes back counts as standing still."""
-        self._now_ns = max(self._now_ns, now_ns)
+        if now_ns > self._now_ns:  # noqa: PLR1730 - max is a call
+            self._now_ns = now_ns
 
     def _done(self) -> list[Effect]:
         """What is to be done, and when to call again, if that has changed."""
-        due_ns = self._alarms.next_ns()
-        if due_ns != self._armed:
-            self._armed = due_ns
-            self._effects.append(Arm(due_ns))
+        if self._alarms.changed:
+            self._alarms.changed = False
+            due_ns = self._alarms.next_ns()
+            if due_ns != self._armed:
+                self._armed = due_ns
+                self._effects.append(Arm(due_ns))
+        if not self._effects:
+            return []
         effects = self._effects.copy()
         self._effects.clear()
         return effects

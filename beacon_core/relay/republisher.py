@@ -26,6 +26,7 @@ import attrs
 
 from beacon_core.relay.asking import HELLO, Asking
 from beacon_core.relay.effects import Effect
+from beacon_core.relay.flow import Flow
 from beacon_core.relay.frames import Advertisement, Content, Digest, Malformed, Reset, decode
 from beacon_core.relay.lane import Cause, Lane, LaneState
 from beacon_core.relay.ledger import Fate, Ledger
@@ -73,6 +74,7 @@ class Republisher(Machine[_Key]):
         self._peers: dict[int, Peer] = {}
         self._lanes: dict[int, Lane] = {}
         self._last_lane = 0
+        self._flow = Flow(self._own)
         self._held_bytes = 0
         self._past = Ledger()
         self._frames = FrameCounts()
@@ -83,7 +85,11 @@ class Republisher(Machine[_Key]):
 
     def frame(self, header: bytes, payload: bytes, now_ns: int) -> list[Effect]:
         """Something has come in. Never raises for what it is."""
-        self._at(now_ns)
+        if now_ns > self._now_ns:  # noqa: PLR1730 - max is a call
+            self._now_ns = now_ns
+        flown = self._flow.through(header, payload)
+        if flown is not None:
+            return flown
         frame = decode(header, payload)
         if isinstance(frame, Malformed):
             self._frames.malformed += 1
@@ -206,6 +212,7 @@ class Republisher(Machine[_Key]):
 
     def _leave_life(self, peer: Peer) -> None:
         for route, (_, track) in peer.tracks.items():
+            self._flow.remove(peer.origin, route)
             track.end(Fate.RESTARTED)
             self._asking.rest(peer.origin, route)
             self._alarms.cancel(("elder", peer.origin, route))
@@ -319,8 +326,7 @@ class Republisher(Machine[_Key]):
         if known is not None:
             known.next = max(known.next, content.seq + 1)
         if found is not None:
-            if not self._passes_through(*found, content):
-                self._place(peer, *found, content)
+            self._place(peer, *found, content)
         elif known is not None and known.done:
             self._frames.again += 1
         elif self._has_room_for(peer, route):
@@ -337,16 +343,6 @@ class Republisher(Machine[_Key]):
             peer.pending.setdefault(content.route, []).append(content)
         peer.wanted.setdefault(content.route, 0)
         self._asking.ask_new(peer, self._now_ns)
-
-    def _passes_through(self, lane: Lane, track: Track, content: Content) -> bool:
-        """The usual way, made short: a lane that has begun, and just the next content."""
-        return (
-            lane.state is LaneState.LIVE
-            and lane.tracks[0] is track
-            and content.first not in self._own
-            and track.passes_through(content)
-            and self._publishers.publish(lane, content)
-        )
 
     def _place(self, peer: Peer, lane: Lane, track: Track, content: Content) -> None:
         passes_at_once = content.seq == track.cursor and self._may_pass(peer, lane, track)
@@ -365,6 +361,8 @@ class Republisher(Machine[_Key]):
         self._run(lane)
         if was_asked and not track.outstanding and track.is_missing() and self._asking.linked:
             self._asking.ask_for(peer, track, self._now_ns)
+        if lane.head is track and track.flows:
+            self._flow.add(lane, track, peer.known[content.route])
 
     # -- lanes
 
@@ -391,6 +389,7 @@ class Republisher(Machine[_Key]):
         self._past.add(track.ledger)
         if track.advertised.epoch == peer.epoch:
             peer.tracks.pop(route, None)
+            self._flow.remove(peer.origin, route)
             peer.patient.discard(route)
             self._asking.rest(peer.origin, route)
             self._alarms.cancel(("elder", peer.origin, route))

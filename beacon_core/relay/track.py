@@ -76,6 +76,11 @@ class Track:
         over = self.advertised.closed or self.ended is not None
         return over and self.cursor == self.next
 
+    @property
+    def flows(self) -> bool:
+        """It has begun, and nothing is held or missing."""
+        return self.cursor == self.next > self.first and self.ended is None
+
     def announce(self, low: int, after: int) -> None:
         """The forwarder has come to ``after``, and has nothing below ``low`` any more."""
         if after > self.next and self.ended is None:
@@ -95,19 +100,6 @@ class Track:
             return Placed.NO_ROOM
         self._hold(content, fate)
         return Placed.HELD
-
-    def passes_through(self, content: Content) -> bool:
-        """Take a content that is just the next one, when nothing is held or missing: the usual way.
-
-        It does what :meth:`place` and :meth:`pop` do, and settles it as delivered. Only for a track
-        that has begun.
-        """
-        if not content.seq == self.next == self.cursor > self.first or self.ended is not None:
-            return False
-        self.next = self.cursor = content.seq + 1
-        self.ledger.enter()
-        self.ledger.settle(Fate.DELIVERED)
-        return True
 
     def pop(self) -> tuple[Content, Fate] | None:
         """The next content in order, or ``None`` if it is missing. The caller settles it."""

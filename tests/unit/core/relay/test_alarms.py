@@ -30,6 +30,28 @@ def test_a_name_has_one_time_and_may_lose_it() -> None:
     assert alarms.pop_due(30) == "a"
 
 
+def test_it_says_when_the_next_time_may_be_another_one() -> None:
+    alarms: Alarms[str] = Alarms()
+
+    def changed() -> bool:
+        was, alarms.changed = alarms.changed, False
+        return was
+
+    assert not changed()
+    alarms.set("a", 10)
+    assert changed()
+    alarms.set_if_none("a", 5)
+    alarms.cancel("never set")
+    assert alarms.pop_due(9) is None
+    assert not changed()
+    alarms.set_if_none("b", 5)
+    assert changed()
+    alarms.cancel("b")
+    assert changed()
+    assert alarms.pop_due(10) == "a"
+    assert changed()
+
+
 @given(st.lists(st.tuples(st.integers(0, 3), st.none() | st.integers(0, 9)), max_size=300))
 def test_it_is_a_table_sorted_by_time(steps: list[tuple[int, int | None]]) -> None:
     alarms: Alarms[int] = Alarms()

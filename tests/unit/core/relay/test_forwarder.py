@@ -375,3 +375,14 @@ def test_time_that_goes_back_is_no_time() -> None:
     digest = side.ask(hello=1)[0]
     assert isinstance(digest, Digest)
     assert digest.age_ns == 1000 * MS
+
+
+def test_a_message_brings_the_time_along() -> None:
+    side = Side(resend_gap_ns=20 * MS)
+    side.see("/a")
+    side.now = 100 * MS
+    side.take("/a", b"x")
+    side.now = 119 * MS
+    assert side.ask(ranges=(Range(1, 0, 1),)) == []
+    side.now = 120 * MS
+    assert seqs(side.ask(ranges=(Range(1, 0, 1),))) == [0]

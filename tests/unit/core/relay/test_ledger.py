@@ -19,6 +19,13 @@ def test_what_happened_to_none_is_not_named() -> None:
     assert ledger.fates() == {}
 
 
+def test_what_ends_as_it_comes_is_held_at_no_time() -> None:
+    ledger = Ledger()
+    ledger.pass_on(Fate.SENT)
+    ledger.pass_on(Fate.SENT)
+    assert (ledger.entered, ledger.held, ledger.fates()) == (2, 0, {Fate.SENT: 2})
+
+
 def test_ledgers_add_up() -> None:
     one, other = Ledger(), Ledger()
     one.enter(2)

@@ -35,19 +35,20 @@ def test_contents_leave_in_order_once() -> None:
     assert (one.held, one.held_bytes, one.ledger.entered, one.ledger.held) == (0, 0, 3, 0)
 
 
-def test_just_the_next_one_of_a_track_that_has_begun_passes_through() -> None:
+def test_a_track_flows_once_it_has_begun_and_while_it_has_nothing() -> None:
     one = track()
-    contents = [Content(1, 1, 9, seq, 0, b"x", 1) for seq in range(4)]
-    assert not one.passes_through(contents[0])
+    assert not one.flows
     come(one, 0)
-    assert not one.passes_through(contents[1])
+    assert not one.flows
     assert pops(one) == [0]
-    assert one.passes_through(contents[1])
-    assert not one.passes_through(contents[1])
-    assert not one.passes_through(contents[3])
-    assert (one.cursor, one.next, one.ledger.held) == (2, 2, 0)
+    assert one.flows
+    one.announce(0, 2)
+    assert not one.flows
+    come(one, 1)
+    assert pops(one) == [1]
+    assert one.flows
     one.end(Fate.RESTARTED)
-    assert not one.passes_through(contents[2])
+    assert not one.flows
 
 
 def test_a_gap_stops_what_follows_until_it_is_given_up() -> None:
