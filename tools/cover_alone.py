@@ -38,8 +38,8 @@ TESTS = ROOT / "tests" / "unit" / "core"
 PRELOADED = [hypothesis]
 PLUGINS = ["-p", "pytest_timeout"]
 
-# The contract suite is made of tests itself; tests/contract runs it against every carrier.
-SUITES = [CORE / "testing" / "contract"]
+# The suites are made of tests themselves; tests/contract runs them against every carrier.
+SUITES = [CORE / "testing" / "contract", CORE / "testing" / "relay" / "conduits.py"]
 
 
 @attrs.frozen

@@ -78,12 +78,16 @@ class SessionConfig:
         return zenoh.Config.from_json5(json.dumps(self.document))
 
 
-def session_config(options: SessionOptions, default_mode: Mode) -> SessionConfig:
+def session_config(
+    options: SessionOptions, default_mode: Mode, defaults: Mapping[str, Any] | None = None
+) -> SessionConfig:
     """Put together what the options say. Reads files; connects to nothing.
+
+    ``defaults`` are what the caller wants other than ours, unless a file or the options say more.
 
     Raises ``ConfigError`` for what Zenoh refuses and for files that cannot be read.
     """
-    document = _merged(_DEFAULTS, _file(options.config_file))
+    document = _merged(_merged(_DEFAULTS, defaults or {}), _file(options.config_file))
     document = _merged(document, _inline(options.config))
     document = _merged(document, _named(options))
     mode = document.setdefault("mode", default_mode)

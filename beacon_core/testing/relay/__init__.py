@@ -1,0 +1,1 @@
+"""Suites for what other people write for the relay: conduits, and topic sides."""
