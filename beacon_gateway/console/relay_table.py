@@ -43,7 +43,7 @@ def explanation(told: Mapping[str, Any]) -> Group:
     """Why a topic is carried, or is not."""
     parts: list[RenderableType] = [] if told["ends"] else [Text("no end of this relay forwards")]
     for end in told["ends"]:
-        parts.append(cell(f"{end['name']}: {end['reason']}", "green" if end["allowed"] else "red"))
+        parts.append(cell(f"{end['end']}: {end['reason']}", "green" if end["allowed"] else "red"))
         for route in end["routes"]:
             seen = f"  {route['state']}: {route['reason']}"
             parts.append(cell(f"{seen}{_counts(route)}", _STYLES.get(route["state"], "")))

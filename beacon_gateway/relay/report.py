@@ -36,7 +36,7 @@ def explained(relay: Relay, topic: str) -> dict[str, Any]:
         found = end.explain(topic)
         if found is not None:
             routes = [_route(one) for one in found.routes]
-            ends.append({"name": name, **_ruling(found.ruling), "routes": routes})
+            ends.append({"end": name, **_ruling(found.ruling), "routes": routes})
     return {"topic": topic, "ends": ends}
 
 

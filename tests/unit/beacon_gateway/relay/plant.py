@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,14 @@ class MemoryOptions:
     name: str
 
 
+@attrs.frozen
+class Point:
+    """What a package has registered."""
+
+    name: str
+    load: Callable[[], Any]
+
+
 class Plant:
     """Networks by name, and relays between them."""
 
@@ -48,6 +57,11 @@ class Plant:
         if (group, name) not in known:
             raise ConfigError(f"no {group} {name!r}")
         return known[group, name]
+
+    def entry_points(self, *, group: str) -> list[Point]:
+        """As ``importlib.metadata`` has them."""
+        names = {NETWORK_GROUP: "memory", CONDUIT_GROUP: "local"}
+        return [Point(names[group], partial(self.find, group, names[group]))]
 
     def config(self, ends: Mapping[str, Any], **more: Any) -> RelayConfig:
         document = {"ends": ends, "state_folder": str(self.folder), **more}

@@ -1,0 +1,152 @@
+"""What can be written into a relay's configuration, and what people are told who err."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from beacon_core.errors import ConfigError
+from beacon_core.ports.relaying import CONDUIT_GROUP
+from beacon_core.relay.names import Rule
+from beacon_core.relay.settings import DEFAULT_FORWARDING, DEFAULT_REPUBLISHING
+from beacon_core.relay.values import Mode
+from beacon_gateway.relay.config import find_installed, load_relay_config
+from tests.unit.beacon_gateway.relay.plant import Plant, end
+
+MS = 10**6
+
+
+def problems(plant: Plant, ends: Any, **more: Any) -> list[str]:
+    with pytest.raises(ConfigError) as found:
+        plant.config(ends, **more)
+    return str(found.value).splitlines()
+
+
+def test_the_defaults_are_the_cores_own(plant: Plant) -> None:
+    ends = plant.config({"a": end("n", "l", forward=[], republish=True)}).ends
+    forward, republish = ends["a"].forward, ends["a"].republish
+    assert forward is not None
+    assert republish is not None
+    assert forward.settings() == DEFAULT_FORWARDING
+    assert republish.settings() == DEFAULT_REPUBLISHING
+
+
+def test_rules_are_read_in_their_order(plant: Plant) -> None:
+    rules = [
+        {"deny": "/secret/**"},
+        {"allow": "/camera/*", "to": "/front/*", "mode": "latest"},
+        {"allow": "/**"},
+    ]
+    forward = plant.config({"a": end("n", "l", forward=rules)}).ends["a"].forward
+    assert forward is not None
+    assert forward.names().rules == (
+        Rule(allow=False, pattern="/secret/**"),
+        Rule(allow=True, pattern="/camera/*", to="/front/*", mode=Mode.LATEST),
+        Rule(allow=True, pattern="/**"),
+    )
+
+
+def test_limits_are_given_beside_the_rules(plant: Plant) -> None:
+    ends = plant.config(
+        {
+            "a": end(
+                "n",
+                "l",
+                forward={"rules": [{"allow": "/**"}], "hold_bytes": 1000, "max_hops": 2},
+                republish={"gap_s": 0.25, "advertise_delay_s": 3, "match_s": 0},
+                origin=17,
+            )
+        }
+    ).ends
+    assert ends["a"].origin == 17
+    assert ends["a"].forward is not None
+    assert ends["a"].forward.settings().hold_bytes == 1000
+    assert ends["a"].forward.settings().max_hops == 2
+    assert ends["a"].republish is not None
+    settings = ends["a"].republish.settings()
+    assert (settings.gap_ns, settings.advertise_delay_ns, settings.match_ns) == (
+        250 * MS,
+        3000 * MS,
+        0,
+    )
+
+
+@pytest.mark.parametrize(
+    ("ends", "told"),
+    [
+        ({}, "$.ends: found no end; give at least one"),
+        ({"a b": end("n", "l", republish=True)}, "$.ends: found an end named 'a b'"),
+        ({"a": end("n", "l")}, "$.ends.a: this end does nothing; give forward with rules"),
+        ({"a": end("n", "l", republish=False)}, "$.ends.a: this end does nothing"),
+        ({"a": {"republish": True}}, "$.ends.a.network: missing; give a network"),
+        (
+            {"a": end("n", "l", forward=[{"allow": "/a", "deny": "/b"}])},
+            "$.ends.a.forward.rules[0].deny: give one of allow and deny",
+        ),
+        (
+            {"a": end("n", "l", forward=[{"allow": "camera"}])},
+            "$.ends.a.forward.rules[0]: pattern: 'camera' is no pattern",
+        ),
+        (
+            {"a": end("n", "l", forward=[{"allow": "/a", "mode": "newest"}])},
+            "$.ends.a.forward.rules[0].mode: found the text 'newest'; give one of ordered, latest",
+        ),
+        (
+            {"a": end("n", "l", forward=[{"alow": "/a"}])},
+            "$.ends.a.forward.rules[0].alow: unknown key; did you mean 'allow'?",
+        ),
+        ({"a": end("n", "l", republish=True, origin=0)}, "$.ends.a.origin: give a whole number"),
+        (
+            {"a": {**end("n", "l", republish=True), "conduit": {"adapter": "pigeon"}}},
+            f"$.ends.a.conduit.adapter: no {CONDUIT_GROUP} 'pigeon'",
+        ),
+        (
+            {
+                "a": {
+                    **end("n", "l", republish=True),
+                    "network": {"adapter": "memory", "options": {"nam": "x"}},
+                }
+            },
+            "$.ends.a.network.options.nam: unknown key; did you mean 'name'?",
+        ),
+    ],
+)
+def test_what_is_wrong_is_told_with_its_place(plant: Plant, ends: Any, told: str) -> None:
+    assert any(one.startswith(told) for one in problems(plant, ends)), problems(plant, ends)
+
+
+def test_only_this_machine_may_ask_a_relay_without_a_gateway(plant: Plant) -> None:
+    ends = {"a": end("n", "l", republish=True)}
+    (told,) = problems(plant, ends, http={"host": "0.0.0.0"})  # noqa: S104 - that is the point
+    assert told.startswith("$.http.host: found '0.0.0.0'; this address is for this machine only")
+    (told,) = problems(plant, ends, http={"port": 70_000})
+    assert told.startswith("$.http.port: found the number 70000")
+
+
+def test_a_file_is_read_and_an_empty_one_is_told_what_is_missing(
+    plant: Plant, tmp_path: Path
+) -> None:
+    path = tmp_path / "relay.yaml"
+    path.write_text(
+        "ends:\n"
+        "  robot:\n"
+        "    network: {adapter: memory, options: {name: robot}}\n"
+        "    conduit: {adapter: local}\n"
+        "    forward:\n"
+        "      - allow: /**\n"
+    )
+    assert list(load_relay_config(path, plant.find).ends) == ["robot"]
+    path.write_text("")
+    with pytest.raises(ConfigError, match=r"\$\.ends: missing; give ends by name"):
+        load_relay_config(path, plant.find)
+
+
+def test_what_is_not_installed_is_told_with_what_there_is() -> None:
+    with pytest.raises(ConfigError, match="no conduit 'locale' is installed; did you mean 'local'"):
+        find_installed(CONDUIT_GROUP, "locale")
+
+
+def test_an_installed_conduit_is_found_by_its_name() -> None:
+    assert find_installed(CONDUIT_GROUP, "local").name == "local"
