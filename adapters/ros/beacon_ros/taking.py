@@ -14,45 +14,16 @@ from typing import Any
 
 from beacon_ros.errors import said_by_ros
 
-__all__ = ["KEPT_BYTES", "Taken", "taker"]
+__all__ = ["KEPT_BYTES", "Buffer", "Taken", "taker"]
 
 KEPT_BYTES = 64 * 1024
-"""What the buffer may keep of its size: it grows to the largest message that anybody sent, and an
-honest hint takes 500 bytes."""
+"""What a buffer may keep of its size unless something else is said: it grows to the largest message
+that anybody sent, and an honest hint takes 500 bytes."""
 
 Taken = tuple[bytes, bytes, int, int]
 """Payload, the publisher's GID (16 bytes), its number for the message, when it was published by the
 publisher's wall clock (nanoseconds)."""
 
-
-def taker(subscription: Any) -> Callable[[], Taken | None]:
-    """A function that takes the next message, or gives ``None`` if there is none.
-
-    It raises ``RuntimeError`` with ROS's words for what is a fault. ``subscription``: rclpy's
-    handle, which must outlive the function. Thread rule: one thread.
-    """
-    take = c.CDLL("librcl.so").rcl_take_serialized_message
-    take.argtypes = [c.c_void_p] * 4
-    take.restype = c.c_int
-    buffer, info = _Buffer(), _Info()
-    handle, to, about = subscription.pointer, c.addressof(buffer), c.addressof(info)
-    gid_at, copy = about + _Info.gid.offset, c.string_at
-
-    def take_next() -> Taken | None:
-        if code := take(handle, to, about, None):
-            if code != _NOTHING_THERE:
-                raise RuntimeError(f"taking a message failed: {said_by_ros()}")
-            return None
-        payload = copy(buffer.data, buffer.length)
-        if buffer.capacity > KEPT_BYTES:
-            buffer.shrink()
-        return payload, copy(gid_at, 16), info.sequence, info.source_stamp
-
-    return take_next
-
-
-_NOTHING_THERE = 401
-"""``RCL_RET_SUBSCRIPTION_TAKE_FAILED``, rcl/types.h."""
 
 _CAPACITY = 4096
 
@@ -66,8 +37,11 @@ class _Allocator(c.Structure):
     )
 
 
-class _Buffer(c.Structure):
-    """``rcl_serialized_message_t``, which is ``rcutils_uint8_array_t``."""
+class Buffer(c.Structure):
+    """Where messages are taken into: ``rcl_serialized_message_t``, or ``rcutils_uint8_array_t``.
+
+    Thread rule: one thread.
+    """
 
     _fields_ = (
         ("data", c.c_void_p),
@@ -76,7 +50,10 @@ class _Buffer(c.Structure):
         ("allocator", _Allocator),
     )
 
-    def __init__(self) -> None:
+    def __init__(self, kept_bytes: int = KEPT_BYTES) -> None:
+        """``kept_bytes``: a message that is larger has it made small again afterwards. Each time
+        that costs a 1 MiB image as much as copying it."""
+        self.kept_bytes = kept_bytes
         utils = c.CDLL("librcutils.so")
         default = utils.rcutils_get_default_allocator
         default.restype = _Allocator
@@ -85,10 +62,43 @@ class _Buffer(c.Structure):
         self._resize, self._fini = utils.rcutils_uint8_array_resize, utils.rcutils_uint8_array_fini
 
     def shrink(self) -> None:
+        """Give back what the last message took."""
         self._resize(c.byref(self), c.c_size_t(_CAPACITY))
 
     def __del__(self) -> None:
         self._fini(c.byref(self))
+
+
+def taker(subscription: Any, buffer: Buffer | None = None) -> Callable[[], Taken | None]:
+    """A function that takes the next message, or gives ``None`` if there is none.
+
+    It raises ``RuntimeError`` with ROS's words for what is a fault. ``subscription``: rclpy's
+    handle, which must outlive the function. ``buffer``: one that several takers of one thread
+    share; without, it has its own. Thread rule: one thread.
+    """
+    buffer = Buffer() if buffer is None else buffer
+    take = c.CDLL("librcl.so").rcl_take_serialized_message
+    take.argtypes = [c.c_void_p] * 4
+    take.restype = c.c_int
+    info = _Info()
+    handle, to, about = subscription.pointer, c.addressof(buffer), c.addressof(info)
+    gid_at, copy, kept_bytes = about + _Info.gid.offset, c.string_at, buffer.kept_bytes
+
+    def take_next() -> Taken | None:
+        if code := take(handle, to, about, None):
+            if code != _NOTHING_THERE:
+                raise RuntimeError(f"taking a message failed: {said_by_ros()}")
+            return None
+        payload = copy(buffer.data, buffer.length)
+        if buffer.capacity > kept_bytes:
+            buffer.shrink()
+        return payload, copy(gid_at, 16), info.sequence, info.source_stamp
+
+    return take_next
+
+
+_NOTHING_THERE = 401
+"""``RCL_RET_SUBSCRIPTION_TAKE_FAILED``, rcl/types.h."""
 
 
 class _Info(c.Structure):

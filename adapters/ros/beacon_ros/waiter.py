@@ -8,6 +8,7 @@ ended first: a thread inside ROS while the interpreter is dismantled ends the pr
 from __future__ import annotations
 
 import atexit
+import ctypes as c
 import logging
 import threading
 import weakref
@@ -17,6 +18,7 @@ from typing import Any
 from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.node import Node
 
 from beacon_ros.shutdown import at_shutdown
 
@@ -49,14 +51,17 @@ class Waiter:
         *events: Event,
         subscription: Any = None,
         drain: Callable[[], bool] = lambda: False,
+        graph_of: Node | None = None,
     ) -> None:
-        """``drain`` takes what ``subscription`` holds, and says whether there may be more."""
+        """``drain`` takes what ``subscription`` holds, and says whether there may be more.
+        ``graph_of``: a change of the ROS graph wakes it too; the node must outlive the thread."""
         self._context = context
         self._step = step
         self._on_end = on_end
         self._events = events
         self._subscription = subscription
         self._drain = drain
+        self._graph_of = graph_of
         self._guard = _rclpy.GuardCondition(context.handle)
         self._thread = threading.Thread(target=self._run, name="beacon-ros", daemon=True)
         self._closing = self._context_ended = False
@@ -117,7 +122,10 @@ class Waiter:
 
     def _wait(self) -> None:
         subscriptions = 0 if self._subscription is None else 1
-        waits = _rclpy.WaitSet(subscriptions, 1, 0, 0, 0, len(self._events), self._context.handle)
+        guards = 1 if self._graph_of is None else 2
+        waits = _rclpy.WaitSet(
+            subscriptions, guards, 0, 0, 0, len(self._events), self._context.handle
+        )
         more = False
         while not (self._closing or self._context_ended):
             wait_s = self._step()
@@ -125,6 +133,8 @@ class Waiter:
             if self._subscription is not None:
                 waits.add_subscription(self._subscription)
             waits.add_guard_condition(self._guard)
+            if self._graph_of is not None:
+                _add_graph(waits, self._graph_of)
             places = [waits.add_event(handle) for handle, _ in self._events]
             waits.wait(0 if more else -1 if wait_s is None else max(0, round(wait_s * 1e9)))
             more = self._drain()
@@ -132,6 +142,16 @@ class Waiter:
                 if waits.is_ready("event", place):
                     tell(handle.take_event())
         waits.destroy_when_not_in_use()
+
+
+def _add_graph(waits: Any, node: Node) -> None:
+    """What rclpy does not offer: to wait for a change of the graph."""
+    rcl = c.CDLL("librcl.so")
+    guard_of, add = rcl.rcl_node_get_graph_guard_condition, rcl.rcl_wait_set_add_guard_condition
+    guard_of.argtypes, guard_of.restype = [c.c_void_p], c.c_void_p
+    add.argtypes = [c.c_void_p] * 3
+    with node.handle:
+        add(waits.pointer, guard_of(node.handle.pointer), None)
 
 
 _open: weakref.WeakSet[Waiter] = weakref.WeakSet()

@@ -15,11 +15,10 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
 from beacon_core.wire.medkit import TYPE_HASH, TYPE_NAME
-from beacon_ros import taking
 from beacon_ros.graph import publishers
 from beacon_ros.participant import OwnNode
 from beacon_ros.rawtype import message_type
-from beacon_ros.taking import KEPT_BYTES, Taken, taker
+from beacon_ros.taking import KEPT_BYTES, Buffer, Taken, taker
 
 Eventually = Callable[..., None]
 
@@ -102,23 +101,32 @@ def test_what_is_held_is_a_copy(topic: Topic, eventually: Eventually) -> None:
 
 
 def test_a_large_message_is_taken_whole_and_its_memory_given_back(
-    topic: Topic, eventually: Eventually, monkeypatch: pytest.MonkeyPatch
+    topic: Topic, eventually: Eventually
 ) -> None:
-    buffers: list[taking._Buffer] = []
-
-    class Seen(taking._Buffer):
-        def __init__(self) -> None:
-            super().__init__()
-            buffers.append(self)
-
-    monkeypatch.setattr(taking, "_Buffer", Seen)
-    topic.take = taker(topic.subscription.handle)
+    buffer = Buffer()
+    topic.take = taker(topic.subscription.handle, buffer)
     publisher = topic.publisher()
     for size in (8, 60_000, 8, 3_000_000, 8):
         payload = HEADER + bytes(range(256)) * (size // 256 + 1)
         publisher.publish(payload)
         assert next_of(topic, eventually)[0] == payload
-        assert 4096 <= buffers[0].capacity <= KEPT_BYTES
+        assert 4096 <= buffer.capacity <= KEPT_BYTES
+
+
+def test_a_buffer_that_may_keep_more_is_made_once_and_serves_several(
+    topic: Topic, eventually: Eventually
+) -> None:
+    buffer = Buffer(kept_bytes=4_000_000)
+    take = topic.take = taker(topic.subscription.handle, buffer)
+    publisher = topic.publisher()
+    for size in (8, 3_000_000, 8):
+        publisher.publish(HEADER + bytes(size))
+        assert next_of(topic, eventually)[0] == HEADER + bytes(size)
+    assert buffer.capacity >= 3_000_000
+    topic.take = taker(topic.subscription.handle, buffer)
+    publisher.publish(HEADER + b"abcd")
+    assert next_of(topic, eventually)[0] == HEADER + b"abcd"
+    assert take() is None
 
 
 def test_a_fault_is_told_in_the_words_of_ros_and_not_taken_for_silence(

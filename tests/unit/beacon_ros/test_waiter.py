@@ -14,7 +14,9 @@ pytest.importorskip("rclpy", reason="rclpy is not installed: there is nothing to
 
 from rclpy.exceptions import InvalidHandle
 
+from beacon_core.wire.medkit import TYPE_HASH, TYPE_NAME
 from beacon_ros.participant import OwnNode
+from beacon_ros.rawtype import message_type
 from beacon_ros.waiter import CONTEXT_ENDED, NODE_ENDED, Waiter
 
 Eventually = Callable[..., None]
@@ -212,3 +214,17 @@ def test_fifty_of_them_leave_nothing(own: OwnNode, leaves_nothing: Callable[...,
         assert owner.waiter.close(5.0)
 
     leaves_nothing(come_and_go)
+
+
+def test_a_change_of_the_graph_wakes_it(own: OwnNode, eventually: Eventually) -> None:
+    steps: list[int] = []
+    waiter = Waiter(own.context, lambda: steps.append(1), lambda _: None, graph_of=own.node)
+    waiter.start()
+    eventually(lambda: steps)
+    before = len(steps)
+    publisher = own.node.create_publisher(message_type(TYPE_NAME, TYPE_HASH), "/topic", 1)
+    eventually(lambda: len(steps) > before)
+    before = len(steps)
+    own.node.destroy_publisher(publisher)
+    eventually(lambda: len(steps) > before)
+    assert waiter.close(5.0)

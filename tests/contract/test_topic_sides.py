@@ -1,0 +1,22 @@
+"""Each topic side keeps what its port promises: the fake one, and ROS over real rclpy and DDS."""
+
+from __future__ import annotations
+
+import pytest
+
+from beacon_core.testing.relay.topic_harness import TopicHarness
+from beacon_core.testing.relay.topic_sides import TopicSideContract
+from beacon_fake.topic_harness import FakeTopicHarness
+
+
+class TestFakeTopicSide(TopicSideContract):
+    def make_harness(self) -> TopicHarness:
+        return FakeTopicHarness()
+
+
+class TestRosTopicSide(TopicSideContract):
+    def make_harness(self) -> TopicHarness:
+        pytest.importorskip("rclpy", reason="rclpy is not installed: no ROS to stand beside")
+        from beacon_ros_topic.relay.harness import RosTopicSideHarness  # noqa: PLC0415
+
+        return RosTopicSideHarness()
