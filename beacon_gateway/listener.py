@@ -1,4 +1,4 @@
-"""One configured source at work: carrier -> intake -> store -> mapper."""
+"""One configured source at work: carrier -> intake -> store."""
 
 from __future__ import annotations
 

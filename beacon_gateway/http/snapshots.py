@@ -2,12 +2,14 @@
 
 What is kept is an answer as it was true at one moment, and it is given out for ``LONGEST_NS`` after
 it at most: so much may every age in it be behind. No change is hidden: an answer is made anew as
-soon as a store has another revision, or something in a store has fallen due. What may be seen a
+soon as a store has another revision, or something in a store has fallen due, or others are known
+beforehand. What may be seen a
 moment late is the refresh of a hint, which changes nothing but its age.
 """
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Hashable
 from typing import TypeAlias
 
@@ -38,7 +40,9 @@ class Snapshots:
 
     def __init__(self, gateway: Gateway) -> None:
         self._clock = gateway.clock
+        self._directory = gateway.directory
         self._stores = [listener.store for listener in gateway.listeners]
+        self._lock = threading.Lock()
         self._kept: dict[Hashable, _Kept] = {}
         self._bytes = 0
 
@@ -54,14 +58,23 @@ class Snapshots:
         # What is true before is read before: what changes meanwhile ends it.
         revisions, until_ns = self._revisions(), self._until_ns()
         content = make()
-        if self._bytes + len(content) > MAX_BYTES:
-            self._kept, self._bytes = {}, 0
-        self._bytes += len(content)
-        self._kept[key] = _Kept(content, revisions, until_ns)
+        with self._lock:
+            self._keep(key, _Kept(content, revisions, until_ns))
         return content
 
+    def _keep(self, key: Hashable, one: _Kept) -> None:
+        # Nearly always it takes the place of an older one.
+        before = self._kept.pop(key, None)
+        if before is not None:
+            self._bytes -= len(before.content)
+        if self._bytes + len(one.content) > MAX_BYTES:
+            self._kept, self._bytes = {}, 0
+        self._bytes += len(one.content)
+        self._kept[key] = one
+
     def _revisions(self) -> _Revisions:
-        return tuple([store.revision for store in self._stores])
+        known = self._directory.known_revision
+        return (known, *[store.revision for store in self._stores])
 
     def _until_ns(self) -> int:
         due = [store.next_deadline_ns() for store in self._stores]

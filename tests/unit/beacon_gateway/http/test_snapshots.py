@@ -14,6 +14,8 @@ from starlette.types import Receive, Scope, Send
 from beacon_gateway.http import snapshots
 from beacon_gateway.http.shortcut import Shortcut
 from beacon_gateway.http.snapshots import LONGEST_NS, Snapshots
+from beacon_gateway.tree.entities import App, Tree
+from beacon_gateway.tree.manifest import Manifest
 
 if TYPE_CHECKING:
     from tests.unit.beacon_gateway.conftest import Plant
@@ -70,6 +72,29 @@ def test_what_is_kept_is_bounded(heard: Plant, monkeypatch: pytest.MonkeyPatch) 
     assert kept.get("a") == b"12345"
     kept.make("c", lambda: b"1")
     assert (kept.get("a"), kept.get("b"), kept.get("c")) == (None, None, b"1")
+
+
+def test_what_is_made_anew_takes_the_room_of_what_it_replaces(
+    heard: Plant, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(snapshots, "MAX_BYTES", 10)
+    kept = Snapshots(heard.gateway)
+    kept.make("a", lambda: b"12345")
+    for _ in range(3):
+        kept.make("b", lambda: b"12345")
+    assert (kept.get("a"), kept.get("b")) == (b"12345", b"12345")
+    kept.make("b", lambda: b"1")
+    kept.make("c", lambda: b"1234")
+    assert (kept.get("a"), kept.get("b"), kept.get("c")) == (b"12345", b"1", b"1234")
+    kept.make("d", lambda: b"1")
+    assert (kept.get("a"), kept.get("d")) == (None, b"1")
+
+
+def test_another_manifest_ends_it(heard: Plant) -> None:
+    kept = Snapshots(heard.gateway)
+    kept.make("a", lambda: b"one")
+    heard.gateway.directory.take_manifest(Manifest(Tree(apps={"new": App("new")})))
+    assert kept.get("a") is None
 
 
 def test_what_is_kept_of_one_path_and_mount_is_given_for_no_other(heard: Plant) -> None:
