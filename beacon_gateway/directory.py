@@ -77,6 +77,13 @@ class Directory:
         """What the id stands for, ``None`` if it is unknown."""
         return self.tree().kind(entity_id)
 
+    def evidence(self, entity_id: str) -> tuple[object, ...]:
+        """All that its beacon follows from: the same objects while nothing is heard."""
+        return (
+            self._departures.last(entity_id),
+            *[listener.store.get(entity_id) for listener in self._listeners],
+        )
+
     def beacon(self, entity_id: str) -> Beacon | None:
         """What the sources say of it, whether or not such an entity is known."""
         # First this: a store that forgets a departure meanwhile has told of it before.

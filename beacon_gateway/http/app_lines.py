@@ -8,11 +8,12 @@ a thousand looks at the stores, and little else.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from operator import is_
 
 import attrs
 import orjson
 
-from beacon_gateway.http.blocks import Life
+from beacon_core.stored import StoredHint
 from beacon_gateway.http.items import Items
 from beacon_gateway.http.models.base import as_plain
 from beacon_gateway.http.operations import Asked
@@ -30,16 +31,21 @@ _PLACE = _KEY + b"-1.0"
 @attrs.frozen
 class _Line:
     app: App
+    evidence: tuple[object, ...]
     gist: tuple[object, ...]
+    heard: StoredHint | None
     before: bytes
     after: bytes
     """Empty if there is no age."""
 
-    def at(self, life: Life, now_ns: int) -> bytes:
-        if life.beacon is None:
+    def follows_from(self, app: App, evidence: tuple[object, ...]) -> bool:
+        """Values never change: the same objects say the same."""
+        return self.app is app and all(map(is_, self.evidence, evidence))
+
+    def at(self, now_ns: int) -> bytes:
+        if self.heard is None:
             return self.before
-        age_sec = life.beacon.stored.age_ns(now_ns) / 1e9
-        return b"%b%b%b" % (self.before, repr(age_sec).encode(), self.after)
+        return b"%b%r%b" % (self.before, self.heard.age_ns(now_ns) / 1e9, self.after)
 
 
 class AppLines:
@@ -54,17 +60,21 @@ class AppLines:
         kept, lines = self._kept.get(asked.base, {}), {}
         written: list[orjson.Fragment] = []
         for app in asked.tree.apps.values():
-            life = items.blocks.life(app)
-            line = kept.get(app.id)
-            if line is None or line.app is not app or line.gist != life.gist:
-                line = _line(items, app, life)
+            line, evidence = kept.get(app.id), items.blocks.evidence(app)
+            # Of who is silent it may be another thing to have never been heard.
+            if line is None or line.heard is None or not line.follows_from(app, evidence):
+                line = _following(line, items, app, evidence)
             lines[app.id] = line
-            written.append(orjson.Fragment(line.at(life, items.blocks.now_ns)))
+            written.append(orjson.Fragment(line.at(items.blocks.now_ns)))
         self._kept[asked.base] = lines
         return {"items": written, "x-medkit": {"total_count": len(written)}}
 
 
-def _line(items: Items, app: App, life: Life) -> _Line:
+def _following(line: _Line | None, items: Items, app: App, evidence: tuple[object, ...]) -> _Line:
+    life = items.blocks.life(app)
+    heard = None if life.beacon is None else life.beacon.stored
+    if line is not None and line.app is app and line.gist == life.gist:
+        return _Line(app, evidence, line.gist, heard, line.before, line.after)
     written = to_json(as_plain(items.app(app, life, _NO_AGE)))
     before, place, after = written.partition(_PLACE)
-    return _Line(app, life.gist, before + _KEY if place else before, after)
+    return _Line(app, evidence, life.gist, heard, before + _KEY if place else before, after)

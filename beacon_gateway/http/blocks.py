@@ -123,6 +123,12 @@ class Blocks:
             self.dependencies(entity) if entity.depends_on else {},
         )
 
+    def evidence(self, app: App) -> tuple[object, ...]:
+        """What its life follows from, besides the app itself; all the same objects while nothing
+        of it has changed, and it has a beacon."""
+        needed = (self._roll_ups,) if app.depends_on else ()
+        return (self.tree.functions, *needed, *self.gateway.directory.evidence(app.id))
+
     def _life(self, entity: App | Component) -> dict[str, Any]:
         return self._told(self.life(entity))
 

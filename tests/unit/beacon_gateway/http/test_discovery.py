@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from beacon_core.hint import BeaconHint
+
 if TYPE_CHECKING:
     from tests.unit.beacon_gateway.conftest import Plant, PlantMaker
 
@@ -280,3 +282,35 @@ def test_the_overview_says_who_serves_and_what(make_plant: PlantMaker) -> None:
         "name": "Acme",
     }
     assert plant.ok("/docs")["info"]["title"] == "Line 4"
+
+
+def test_a_line_that_was_written_before_follows_whatever_it_says(make_plant: PlantMaker) -> None:
+    plant = make_plant(
+        entities={"apps": [{"id": "silent"}], "functions": [{"id": "see"}]},
+        sources={"robots": {"ttl_s": 10.0}, "others": {"ttl_s": 10.0}},
+    )
+
+    def told(app_id: str) -> Any:
+        return item(plant.ok("/apps"), app_id)["x-medkit"]
+
+    plant.announce("camera", display_name="Camera")
+    needing = plant.announce("lidar", depends_on=("camera",), function_ids=("see",))
+    first = told("lidar")
+    assert (first["depends_on_active"], first["functions"]) == (True, ["see"])
+    assert told("silent")["never_heard"] is True
+    plant.wait(1)
+    assert told("camera")["beacon"]["age_sec"] == pytest.approx(1.0, abs=0.01)
+    # Another source is fresher; a goodbye; an end of what it needs; and a first word.
+    plant.announce("camera", source="others", display_name="Camera")
+    assert told("camera")["beacon"]["source"] == "others"
+    needing.announce(BeaconHint("lidar", depends_on=("camera", "nobody"), display_name="Lidar"))
+    plant.settle()
+    assert told("lidar")["depends_on_reason"] == "nobody is unknown"
+    plant.announce("silent")
+    assert (told("silent")["beacon"]["status"], "never_heard" in told("silent")) == (
+        "active",
+        False,
+    )
+    plant.wait(11)
+    assert told("lidar")["depends_on_reason"] == "camera is stale: it is silent"
+    assert told("camera")["beacon"]["status"] == "stale"
