@@ -45,7 +45,7 @@ from beacon_zenoh.relay.options import MAX_HEADER_BYTES, RelayOptions
 from beacon_zenoh.relay.outbox import Outbox
 from beacon_zenoh.session import CLOSE_WITHIN_S, SessionKeeper
 
-__all__ = ["ZenohConduit"]
+__all__ = ["DEFAULTS", "ZenohConduit"]
 
 _log = logging.getLogger(__name__)
 
@@ -58,10 +58,11 @@ _DIRECT_BYTES = 96 * 1024
 _SMALL_BYTES = 32 * 1024
 """The binding's queue before a callback holds 256 messages: 8 MiB of these at the most."""
 
-_SLOW_S = 0.005
-"""A frame that took so long had to wait for the carrier."""
+_SLOW_S = _WAIT_MS / 2000
+"""A frame that took so long had to wait for the carrier. Not less: on a busy machine any frame may
+take some ms, and to go through the outbox costs a small one five times as much."""
 
-_DEFAULTS = {
+DEFAULTS = {
     "transport": {
         "link": {
             "tx": {
@@ -80,6 +81,7 @@ _DEFAULTS = {
         }
     }
 }
+"""What a relay's session is told other than those of hints."""
 
 _PUT = zenoh.SampleKind.PUT
 _REMOTE = zenoh.Locality.REMOTE
@@ -92,7 +94,7 @@ class ZenohConduit:
 
     def __init__(self, options: RelayOptions) -> None:
         """Opens nothing. ``ConfigError`` for what Zenoh refuses."""
-        config = session_config(options, "router" if options.listen else "client", _DEFAULTS)
+        config = session_config(options, "router" if options.listen else "client", DEFAULTS)
         self._keeper = SessionKeeper(
             config, declare=self._declare, step=self._step, farewell=lambda _: None
         )
