@@ -23,7 +23,7 @@ from beacon_gateway.console.relay_table import explanation, relay_view
 from beacon_gateway.console.signals import on_stop_signal
 from beacon_gateway.console.terminal import console, printable, write_json
 from beacon_gateway.problems import headed
-from beacon_gateway.relay.config import RelayConfig, load_relay_config
+from beacon_gateway.relay.file import RelayFile, load_relay_file
 from beacon_gateway.relay.relay import Relay, check_loops
 from beacon_gateway.relay.routes import create_relay_app
 from beacon_gateway.relay.trace import replay
@@ -74,9 +74,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    config, place = _configured(arguments)
+    config = _configured(arguments)
     set_up_logging(config.log_level, config.log_format)
-    relay = Relay(config, place=place, trace=arguments.trace)
+    relay = Relay(config, trace=arguments.trace)
     try:
         with closing(HttpServer(config.http.host, config.http.port)) as server, closing(relay):
             relay.start()
@@ -100,12 +100,14 @@ def _serve(relay: Relay, server: HttpServer, *, as_json: bool) -> None:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    config, place = _configured(arguments)
+    config = _configured(arguments)
     check_loops(config)
     if arguments.json:
         write_json({"ok": True, "ends": list(config.ends)})
     else:
-        console().print(f"{printable(place)}: ok, {len(config.ends)} ends", highlight=False)
+        console().print(
+            f"{printable(str(arguments.config))}: ok, {len(config.ends)} ends", highlight=False
+        )
     return Exit.OK
 
 
@@ -169,11 +171,11 @@ def _replay(arguments: argparse.Namespace) -> int:
     return Exit.FAILED if unlike else Exit.OK
 
 
-def _configured(arguments: argparse.Namespace) -> tuple[RelayConfig, str]:
+def _configured(arguments: argparse.Namespace) -> RelayFile:
     if arguments.config is None:
         raise Fault("-c: give the relay's configuration; docs/relay.md has one", Exit.USAGE)
     try:
-        return load_relay_config(arguments.config), str(arguments.config.resolve())
+        return load_relay_file(arguments.config)
     except ConfigError as error:
         raise headed(str(arguments.config), error) from error
 

@@ -1,4 +1,4 @@
-"""The relay's configuration: a YAML document into frozen values, or everything wrong with it.
+"""What can be configured of a relay, and how a document is read as that.
 
 The reference for people is docs/relay.md; the same keys in the same order.
 """
@@ -19,8 +19,6 @@ from beacon_core.relay.names import NameMap, Rule
 from beacon_core.relay.settings import Forwarding, Republishing
 from beacon_core.relay.values import Mode
 from beacon_core.validator import is_valid_id
-from beacon_gateway.config import LogFormat, LogLevel
-from beacon_gateway.documents import read_yaml
 from beacon_gateway.problems import did_you_mean
 from beacon_gateway.structuring import Structurer
 
@@ -31,15 +29,11 @@ __all__ = [
     "ForwardConfig",
     "NetworkConfig",
     "RelayConfig",
-    "RelayHttp",
     "RepublishConfig",
     "RuleConfig",
     "find_installed",
-    "load_relay_config",
-    "parse_relay_config",
+    "register",
 ]
-
-_LOOPBACK = ("127.0.0.1", "::1", "localhost")
 
 Find = Callable[[str, str], Any]
 """Gives the adapter of a group and a name, or raises ``ConfigError``."""
@@ -53,19 +47,6 @@ def _pattern_of_one(instance: RuleConfig, _: object, value: str) -> None:
 def _origin(_: object, __: object, value: int | None) -> None:
     if value is not None and not 0 < value < 2**63:
         raise ValueError("give a whole number above 0 and below 2**63, or leave it out")
-
-
-def _loopback(_: object, __: object, value: str) -> None:
-    if value not in _LOOPBACK:
-        raise ValueError(
-            f"found {ascii(value)[:60]}; this address is for this machine only. To show the relay"
-            " to others put it into a gateway's configuration, under relay"
-        )
-
-
-def _port(_: object, __: object, value: int) -> None:
-    if not 0 <= value <= 65535:
-        raise ValueError(f"found the number {value}; give a port, 0 to 65535 (0: any free one)")
 
 
 def _named(_: object, __: object, value: Mapping[str, object]) -> None:
@@ -170,25 +151,17 @@ class EndConfig:
 
 
 @attrs.frozen
-class RelayHttp:
-    """Where ``beacon relay status`` asks."""
-
-    host: str = attrs.field(default="127.0.0.1", validator=_loopback)
-    port: int = attrs.field(default=8090, validator=_port)
-
-
-@attrs.frozen
 class RelayConfig:
     """Everything that can be configured."""
 
     ends: Mapping[str, EndConfig] = attrs.field(
         validator=_named, metadata={"right": "ends by name, such as {robot: {network: ...}}"}
     )
-    http: RelayHttp = RelayHttp()
     state_folder: Path | None = None
     """``None``: where programs of this user keep their state."""
-    log_level: LogLevel = LogLevel.INFO
-    log_format: LogFormat = LogFormat.TEXT
+    identity: str = ""
+    """What tells this relay's ends from those of others on this machine, for ever; empty: where
+    the configuration lies."""
 
 
 def find_installed(group: str, name: str) -> Any:
@@ -203,19 +176,12 @@ def find_installed(group: str, name: str) -> Any:
         raise ConfigError(f"{name!r} cannot be loaded: {error}") from error
 
 
-def load_relay_config(path: Path, find: Find = find_installed) -> RelayConfig:
-    """Read a file. Raises ``ConfigError``: every problem at once, one per line."""
-    return parse_relay_config(read_yaml(path), find)
-
-
-def parse_relay_config(document: object, find: Find = find_installed) -> RelayConfig:
-    """Structure what a file holds. Raises as :func:`load_relay_config`."""
-    structurer = Structurer()
+def register(structurer: Structurer, find: Find = find_installed) -> None:
+    """Let a document hold a :class:`RelayConfig`."""
     structurer.hook(EndConfig, lambda value: _end(value, structurer))
     for cls, group in ((NetworkConfig, NETWORK_GROUP), (ConduitConfig, CONDUIT_GROUP)):
         structurer.hook(cls, partial(_carrier, cls, group, structurer, find))
     structurer.hook(RuleConfig, lambda value: _rule(value, structurer))
-    return structurer.structure({} if document is None else document, RelayConfig)
 
 
 def _end(value: object, structurer: Structurer) -> EndConfig:

@@ -38,17 +38,16 @@ class Relay:
         self,
         config: RelayConfig,
         *,
-        place: str = "",
         trace: Path | None = None,
         clock: Clock | None = None,
         find: Find = find_installed,
     ) -> None:
-        """``place``: where the configuration lies; it is part of who the ends are. Opens nothing.
+        """Opens nothing.
 
         Raises ``ConfigError`` if the names let a message go round in circles.
         """
         check_loops(config, find)
-        self._config, self._place, self._find = config, place, find
+        self._config, self._find = config, find
         self._trace = trace
         self.clock: Clock = SystemClock() if clock is None else clock
         self.ends: Mapping[str, End] = {}
@@ -75,7 +74,7 @@ class Relay:
 
     def _name(self, name: str, opened: ExitStack) -> EndName:
         config = self._config.ends[name]
-        origin = config.origin or origin_of(self._place, name)
+        origin = config.origin or origin_of(self._config.identity, name)
         folder = self._config.state_folder or default_state_folder()
         epoch = opened.enter_context(next_epoch(folder, origin, self.clock))
         return EndName(*_identities(config, self._find), origin, epoch)

@@ -16,7 +16,7 @@ from beacon_core.ports.relaying import CONDUIT_GROUP, NETWORK_GROUP, NetworkAdap
 from beacon_core.ports.topic_side import TopicSide
 from beacon_core.relay.values import Qos, TopicType
 from beacon_fake.topic_side import FakePublisher, FakeSubscription, FakeTopics
-from beacon_gateway.relay.config import RelayConfig, parse_relay_config
+from beacon_gateway.relay.file import RelayFile, parse_relay_file
 from beacon_gateway.relay.relay import Relay
 from beacon_local import CONDUIT
 
@@ -63,13 +63,18 @@ class Plant:
         names = {NETWORK_GROUP: "memory", CONDUIT_GROUP: "local"}
         return [Point(names[group], partial(self.find, group, names[group]))]
 
-    def config(self, ends: Mapping[str, Any], **more: Any) -> RelayConfig:
-        document = {"ends": ends, "state_folder": str(self.folder), **more}
-        return parse_relay_config(document, self.find)
+    def config(self, ends: Mapping[str, Any], **more: Any) -> RelayFile:
+        document = {
+            "ends": ends,
+            "state_folder": str(self.folder),
+            "identity": str(self.folder),
+            **more,
+        }
+        return parse_relay_file(document, self.find)
 
     def relay(self, ends: Mapping[str, Any], **more: Any) -> Relay:
         """One that runs until the test has ended."""
-        relay = Relay(self.config(ends), find=self.find, place=str(self.folder), **more)
+        relay = Relay(self.config(ends), find=self.find, **more)
         self.opened.callback(relay.close)
         relay.start()
         return relay

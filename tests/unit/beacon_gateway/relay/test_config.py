@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,7 +11,7 @@ from beacon_core.ports.relaying import CONDUIT_GROUP
 from beacon_core.relay.names import Rule
 from beacon_core.relay.settings import DEFAULT_FORWARDING, DEFAULT_REPUBLISHING
 from beacon_core.relay.values import Mode
-from beacon_gateway.relay.config import find_installed, load_relay_config
+from beacon_gateway.relay.config import find_installed
 from tests.unit.beacon_gateway.relay.plant import Plant, end
 
 MS = 10**6
@@ -115,32 +114,6 @@ def test_limits_are_given_beside_the_rules(plant: Plant) -> None:
 )
 def test_what_is_wrong_is_told_with_its_place(plant: Plant, ends: Any, told: str) -> None:
     assert any(one.startswith(told) for one in problems(plant, ends)), problems(plant, ends)
-
-
-def test_only_this_machine_may_ask_a_relay_without_a_gateway(plant: Plant) -> None:
-    ends = {"a": end("n", "l", republish=True)}
-    (told,) = problems(plant, ends, http={"host": "0.0.0.0"})  # noqa: S104 - that is the point
-    assert told.startswith("$.http.host: found '0.0.0.0'; this address is for this machine only")
-    (told,) = problems(plant, ends, http={"port": 70_000})
-    assert told.startswith("$.http.port: found the number 70000")
-
-
-def test_a_file_is_read_and_an_empty_one_is_told_what_is_missing(
-    plant: Plant, tmp_path: Path
-) -> None:
-    path = tmp_path / "relay.yaml"
-    path.write_text(
-        "ends:\n"
-        "  robot:\n"
-        "    network: {adapter: memory, options: {name: robot}}\n"
-        "    conduit: {adapter: local}\n"
-        "    forward:\n"
-        "      - allow: /**\n"
-    )
-    assert list(load_relay_config(path, plant.find).ends) == ["robot"]
-    path.write_text("")
-    with pytest.raises(ConfigError, match=r"\$\.ends: missing; give ends by name"):
-        load_relay_config(path, plant.find)
 
 
 def test_what_is_not_installed_is_told_with_what_there_is() -> None:
