@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import enum
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 import attrs
 
@@ -49,7 +49,8 @@ class EventType(enum.StrEnum):
     APPEARED = "appeared"
     """It was not told before."""
     UPDATED = "updated"
-    """It says something else, a source's view of it has changed, or a conflict is over."""
+    """It says something else, a source's view of it has changed, a conflict is over, or the tree
+    has it elsewhere."""
     STALE = "stale"
     RECOVERED = "recovered"
     """It is ACTIVE again."""
@@ -109,6 +110,7 @@ class Feed:
         self._revisions = [0] * len(listeners)
         self._pending: dict[str, None] = {}
         self._watched: dict[str, None] = {}
+        self._again: set[str] = set()
         self._refused = [listener.intake.refusals() for listener in listeners]
         self._refusals_due_ns = now_ns + _REFUSALS_EVERY_NS
         self._collect()
@@ -138,6 +140,13 @@ class Feed:
             events += self._rejections()
         return events
 
+    def tell_again(self, entity_ids: Iterable[str]) -> None:
+        """Something else that is told of them has changed: the next ``advance`` tells of them,
+        whether or not a store has news. Only of those that are told."""
+        ids = dict.fromkeys(one for one in entity_ids if one in self.told)
+        self._pending |= ids
+        self._again |= ids.keys()
+
     def others_are_expected(self) -> Event:
         """The next event, of that kind."""
         return self._event(EventType.EXPECTED, "")
@@ -158,12 +167,14 @@ class Feed:
         ids = [*_taken(self._pending, _LOOKS), *_taken(self._watched, _WATCHED_LOOKS)]
         for entity_id in dict.fromkeys(ids):
             before, now = self.told.get(entity_id), self._look(entity_id)
+            again = entity_id in self._again
+            self._again.discard(entity_id)
             if now is None:
                 self.told.pop(entity_id, None)
             else:
                 if _may_change_unsaid(now):
                     self._watched[entity_id] = None
-                if before is not None and gist(before) == gist(now):
+                if before is not None and not again and gist(before) == gist(now):
                     continue
                 self.told[entity_id] = now
             for kind in _difference(before, now):

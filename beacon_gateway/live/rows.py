@@ -85,7 +85,7 @@ class Writer:
         }
         return {
             "entity_id": entity_id,
-            **self._place(entity_id),
+            **self.place(entity_id),
             "source": beacon.freshest.source,
             **_account(stored, now_ns),
             "restarts": max(view.stored.restarts for view in beacon.views),
@@ -145,7 +145,7 @@ class Writer:
         return [
             {
                 "entity_id": entity.id,
-                **self._place(entity.id),
+                **self.place(entity.id),
                 **({"display_name": entity.name} if entity.name else {}),
                 "depends_on": list(entity.depends_on[:_MAX_DEPENDS_ON]),
             }
@@ -153,17 +153,17 @@ class Writer:
             if entity.source == _KNOWN
         ]
 
-    def timestamp(self) -> str:
-        """Now, in UTC."""
-        return _iso(self._clock.wall_ns())
-
-    def _place(self, entity_id: str) -> _Body:
+    def place(self, entity_id: str) -> _Body:
         """Its type; and where it is served, unless the tree does not take it in."""
         kind = self._gateway.directory.kind(entity_id)
         if kind is None or kind.value not in _COLLECTIONS:
             return {"type": "app"}
         href = f"{_API_BASE}/{_COLLECTIONS[kind.value]}/{entity_id}"
         return {"type": kind.value.lower(), "href": href}
+
+    def timestamp(self) -> str:
+        """Now, in UTC."""
+        return _iso(self._clock.wall_ns())
 
     def _history(self, stored: StoredHint) -> list[_Body]:
         ahead_ns = self._clock.wall_ns() - self._clock.monotonic_ns()

@@ -14,7 +14,7 @@ from collections.abc import Collection
 import attrs
 
 from beacon_gateway.gateway import Gateway
-from beacon_gateway.live.feed import Feed, gist
+from beacon_gateway.live.feed import Event, EventType, Feed, gist
 from beacon_gateway.live.ring import Frame, Ring
 from beacon_gateway.live.rows import Writer, sse
 from beacon_gateway.views import Beacon
@@ -48,6 +48,7 @@ class LiveView:
         self._directory = gateway.directory
         self._known_revision = gateway.directory.known_revision
         self._feed = Feed(gateway.listeners, gateway.directory.beacon, self.clock.monotonic_ns())
+        self._places = {one: self.writer.place(one) for one in self._feed.told}
         self._lock = threading.Lock()
         self._building = threading.Lock()
         self._snapshot: Snapshot | None = None
@@ -111,15 +112,26 @@ class LiveView:
         return to_json(body)
 
     def _advance(self) -> None:
-        events = self._feed.advance(self.clock.monotonic_ns())
+        events: list[Event] = []
         if self._known_revision != self._directory.known_revision:
             self._known_revision = self._directory.known_revision
             events.append(self._feed.others_are_expected())
-        for event in events:
+            self._feed.tell_again(
+                one for one, place in self._places.items() if place != self.writer.place(one)
+            )
+        for event in events + self._feed.advance(self.clock.monotonic_ns()):
+            self._note_place(event)
             data = to_json(self.writer.event(event))
             frame = sse(event.type.value, data, self.revision(event.number))
             entity_id = event.name if event.beacon is not None else ""
             self.ring.append(Frame(event.number, entity_id, frame))
+
+    def _note_place(self, event: Event) -> None:
+        # Before it is written: if the tree changes in between, it is told once more.
+        if event.type is EventType.EXPIRED:
+            self._places.pop(event.name, None)
+        elif event.beacon is not None:
+            self._places[event.name] = self.writer.place(event.name)
 
     def _built(self) -> Snapshot:
         with self._lock:

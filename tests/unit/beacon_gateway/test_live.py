@@ -13,11 +13,12 @@ import attrs
 import httpx
 import pytest
 
+from beacon_core.hint import BeaconHint
 from beacon_gateway.live.hub import Hub
 from beacon_gateway.live.ring import Frame, Ring
 from beacon_gateway.live.stream import EventStream
 from beacon_gateway.live.view import LiveView
-from beacon_gateway.tree.entities import App, Tree
+from beacon_gateway.tree.entities import App, Component, Tree
 from beacon_gateway.tree.manifest import Manifest
 from beacon_gateway.writing import to_json
 
@@ -175,6 +176,41 @@ def test_others_that_are_expected_after_a_reload_are_told_to_everybody(
             assert (await reader.event("appeared"))["x-medkit"]["entity_id"] == "arm"
         async with reading(hub, revision) as reader:
             assert len((await reader.event("expected"))["expected"]) == 2
+
+    asyncio.run(scene())
+
+
+def test_whom_another_manifest_has_elsewhere_is_told_of_at_once(
+    make_plant: Callable[..., Plant],
+) -> None:
+    async def scene() -> None:
+        plant = make_plant(allow_new_entities=False, entities={"apps": [{"id": "bystander"}]})
+        plant.announce("ecu")
+        bystander = plant.announce("bystander")
+        view = LiveView(plant.gateway)
+        async with reading(hub_of(plant)) as reader:
+            (before,) = [
+                one
+                for one in (await reader.event("snapshot"))["items"]
+                if one["entity_id"] == "ecu"
+            ]
+            assert (before["type"], "href" in before) == ("app", False)
+            known = Tree(apps={"bystander": App("bystander")}, components={"ecu": Component("ecu")})
+            plant.gateway.take_config(plant.gateway.config, Manifest(known))
+            await reader.event("expected")
+            event = await reader.event("updated")
+            row = event["beacon"]
+            assert (row["entity_id"], row["type"]) == ("ecu", "component")
+            assert row["href"] == "/api/v1/components/ecu"
+            assert event["x-medkit"] == {"entity_type": "component", "entity_id": "ecu"}
+            # Nobody else has moved, and nobody is told of twice.
+            bystander.announce(BeaconHint("bystander", display_name="News"))
+            plant.settle()
+            assert (await reader.event("updated"))["beacon"]["entity_id"] == "bystander"
+        since = view.ring.last
+        view.catch_up()
+        asked = json.loads(view.listing(since, (), full=False))
+        assert {one["entity_id"] for one in asked["items"]} == {"ecu", "bystander"}
 
     asyncio.run(scene())
 
