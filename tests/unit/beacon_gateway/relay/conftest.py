@@ -48,7 +48,7 @@ def served(plant: Plant, one_way: dict[str, Any]) -> Iterator[tuple[Relay, str]]
     talker = plant.publisher("robot", "/chatter")
     plant.publisher("robot", "/secret")
     made = plant.relay(one_way)
-    wait_for(lambda: made.ends["site"].state().lanes != (), "the route")
+    wait_for(lambda: bool(made.ends["site"].state().lanes), "the route")
     for _ in range(3):
         talker.publish(b"x")
     wait_for(lambda: len(heard.received()) == 3)
