@@ -129,7 +129,7 @@ class Hub:
             for fd, _ in rung:
                 ready.update(self._answered(fd))
             self._act()
-            busy = [drain for drain in ready if self._may_call(drain) and drain()]
+            busy = [drain for drain in ready if self._may_call(drain) and _safely(drain)]
 
     def _answered(self, fd: int) -> dict[Drain, None]:
         if fd == self._own.fd:
@@ -141,7 +141,7 @@ class Hub:
 
     def _act(self) -> None:
         while self._actions and not self._closing:
-            self._actions.popleft()()
+            _safely(self._actions.popleft())
 
     def _may_call(self, drain: Drain) -> bool:
         return drain in self._places and not self._closing
@@ -150,6 +150,15 @@ class Hub:
         with self._ringing:
             if not self._ended:
                 self._own.ring()
+
+
+def _safely(what: Callable[[], object]) -> object:
+    """One topic's trouble is not that of the others."""
+    try:
+        return what()
+    except Exception:  # noqa: BLE001 - it is for people to look at
+        _log.exception("a topic side had trouble")
+        return None
 
 
 _open: weakref.WeakSet[Hub] = weakref.WeakSet()

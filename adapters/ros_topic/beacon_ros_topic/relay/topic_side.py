@@ -57,6 +57,7 @@ class RosTopicSide:
         self._offers: dict[int, Offer] = {}
         # The rest belongs to the hub's thread.
         self._intakes: dict[int, Intake] = {}
+        self._refused: dict[int, tuple[Subscribe, str]] = {}
         self._gids: set[bytes] = set()
         self._endings = Endings()
         self._buffer = Buffer(_KEPT_BYTES)
@@ -98,7 +99,9 @@ class RosTopicSide:
     def destroy_publisher(self, handle: int) -> None:
         offer = self._offers.pop(handle, None)
         if offer is not None:
-            self._do(partial(self._endings.after, offer.what.topic, partial(self._end, offer)))
+            self._do(
+                partial(self._endings.after, offer.what.topic, partial(self._endings.begin, offer))
+            )
 
     def close(self) -> None:
         if self._pid != os.getpid():
@@ -108,8 +111,9 @@ class RosTopicSide:
             self._hub.close(_CLOSE_WITHIN_S)
 
     def remarks(self) -> dict[str, str]:
-        """By topic: which of its publishers are not heard, and why. Thread rule: any thread."""
-        return {} if self._hub is None else dict(self._watch.remarks)
+        """By topic: what of it is not heard, and why. Thread rule: any thread."""
+        refused = {what.topic: why for what, why in list(self._refused.values())}
+        return refused if self._hub is None else {**self._watch.remarks, **refused}
 
     def _do(self, action: Callable[[], object]) -> None:
         if self._hub is not None:
@@ -147,12 +151,17 @@ class RosTopicSide:
         try:
             intake = Intake(node, type_for(what.type), what.topic, qos, self._buffer, tell)
         except Exception as error:  # noqa: BLE001 - ROS's are of many kinds, none of them public
-            _log.warning("%s cannot be subscribed to: %s", what.topic, _sentence(error))
+            # Such as that this program publishes it with another type; that may end.
+            if what.handle not in self._refused:
+                _log.warning("%s cannot be subscribed to: %s", what.topic, _sentence(error))
+            self._refused[what.handle] = (what, f"ROS refuses to subscribe: {_sentence(error)}")
             return
+        self._refused.pop(what.handle, None)
         self._intakes[what.handle] = intake
         intake.open(self._the_hub)
 
     def _unsubscribe(self, handle: int) -> None:
+        self._refused.pop(handle, None)
         intake = self._intakes.pop(handle, None)
         if intake is not None:
             intake.close()
@@ -192,13 +201,15 @@ class RosTopicSide:
 
     def _fail(self, offer: Offer, error: Exception) -> None:
         self._offers.pop(offer.what.handle, None)
-        offer.close()
+        self._ended(offer)
         reason = f"ROS makes no publisher of {offer.what.topic}: {_sentence(error)}"
         self._watcher.publisher_failed(offer.what.handle, reason)
 
     def _recount(self) -> bool:
         for offer in list(self._offers.values()):
             self._tell_matched(offer)
+        for what, _ in list(self._refused.values()):
+            self._subscribe(what)
         return False
 
     def _tell_matched(self, offer: Offer) -> None:
@@ -208,9 +219,6 @@ class RosTopicSide:
         if found != offer.told:
             offer.told = found
             self._watcher.matched(offer.what.handle, *found)
-
-    def _end(self, offer: Offer) -> None:
-        self._endings.begin(offer)
 
     def _step(self) -> float | None:
         wait_s = self._endings.step(self._voice, self._ended)
