@@ -15,11 +15,13 @@ __all__ = ["CONDUIT", "RelayOptions"]
 
 def _conduit(options: RelayOptions) -> Conduit:
     try:
-        from beacon_zenoh.relay.conduit import ZenohConduit  # noqa: PLC0415 - what may be missing
+        import zenoh  # noqa: F401, PLC0415 - to see whether it is there
     except ModuleNotFoundError as error:
         raise ConfigError(
             "conduit: 'zenoh' needs eclipse-zenoh; run: pip install 'beacon-core[zenoh]'"
         ) from error
+    from beacon_zenoh.relay.conduit import ZenohConduit  # noqa: PLC0415 - needs it
+
     return ZenohConduit(options)
 
 
