@@ -17,17 +17,14 @@ that grows is what it keeps, which is capped in bytes. What gives way to the cap
 the route that holds most, or of the route itself if it holds more than its share.
 
 What it keeps depends on the mode: ORDERED all that the cap allows, STATE the last ``depth``, LATEST
-the last one, BEST_EFFORT nothing.
+the last one, BEST_EFFORT nothing. A message goes out as it comes, unless its rule or the link's
+bucket makes it wait: see outlet.py.
 
 Nothing that comes in makes it send more than: an advertisement per route and a full digest per
 ``answer_gap_ns``, and each kept message once per ``resend_gap_ns``.
 """
 
 from __future__ import annotations
-
-import sys
-
-import attrs
 
 from beacon_core.relay.effects import Effect, Send, Subscribe, Unsubscribe
 from beacon_core.relay.forwarding import (
@@ -39,7 +36,7 @@ from beacon_core.relay.forwarding import (
 from beacon_core.relay.frames import (
     CONTENT,
     HEAD,
-    MAX_DEFINITION_BYTES,
+    HEADER_BYTES,
     VERSION,
     Advertisement,
     Content,
@@ -47,20 +44,24 @@ from beacon_core.relay.frames import (
     Entry,
     Frame,
     Reset,
+    content_header,
     decode,
     encode,
     fingerprint,
 )
-from beacon_core.relay.history import History, Kept
+from beacon_core.relay.history import Kept
 from beacon_core.relay.ledger import Fate, Ledger
 from beacon_core.relay.machine import Machine
 from beacon_core.relay.names import NameMap, Ruling
+from beacon_core.relay.outlet import Outlet
+from beacon_core.relay.route import Route, new_route, status_of, unfit
 from beacon_core.relay.settings import DEFAULT_FORWARDING, MESSAGE_OVERHEAD_BYTES, Forwarding
-from beacon_core.relay.values import Mode, Qos
+from beacon_core.relay.values import Mode
 
 __all__ = ["Forwarder"]
 
-_MAX_NAME_BYTES = 255
+_DIGEST, _OUTLET = 0, -1
+# Alarms: the digest's, and the next time that something may go out; routes' are their numbers.
 _RECENT_DIGESTS = 4
 """A change is named in so many digests; whoever misses all is told by the fingerprint."""
 
@@ -83,7 +84,6 @@ class Forwarder(Machine[int]):
     ) -> None:
         """``origin``: above 0, this relay's for ever; ``epoch`` rises with each start. 64 bits."""
         super().__init__(now_ns)
-        # Alarms: of closed routes by number, of the digest by 0.
         self._origin, self._epoch, self._names, self._settings = origin, epoch, names, settings
         self._began_ns = now_ns
         self._linked = False
@@ -91,14 +91,15 @@ class Forwarder(Machine[int]):
         self._last_route = 0
         self._seen: dict[str, SeenTopic] = {}
         self._refused: dict[str, str] = {}
-        self._open: dict[str, _Route] = {}
+        self._open: dict[str, Route] = {}
         self._fed: dict[str, str] = {}
         # By name on the other side: the topic.
-        self._routes: dict[int, _Route] = {}
+        self._routes: dict[int, Route] = {}
         # Open and closed, in the order of their numbers.
         self._held_bytes = 0
         self._most_bytes = min(settings.message_bytes, settings.hold_bytes - MESSAGE_OVERHEAD_BYTES)
         # Of one message.
+        self._outlet = Outlet(settings.link_bytes_per_s, now_ns)
         self._past = Ledger()
         self._full_sent_ns: int | None = None
         self._malformed = self._foreign = 0
@@ -145,18 +146,17 @@ class Forwarder(Machine[int]):
         if now_ns > self._now_ns:  # noqa: PLR1730 - max is a call
             self._now_ns = now_ns
         route = self._routes.get(handle)
-        if route is None or route.closed:
-            self._past.pass_on(Fate.WITHDRAWN)
-            return []
-        origin, linked, history = self._origin, self._linked, route.history
+        origin, linked = self._origin, self._linked
         if (
-            first == origin
+            route is None
+            or not route.plain
+            or first == origin
             or hop >= self._settings.max_hops
             or len(payload) > self._most_bytes
-            or not (linked or history.most)
+            or not (linked or route.history.most)
         ):
-            route.ledger.pass_on(self._barred(payload, first, hop))
-            return []
+            return self._unusual(route, payload, stamp_ns, first, hop)
+        history = route.history
         seq, first = history.next, first or origin
         header = HEAD.pack(
             VERSION, CONTENT, hop, 0, origin, self._epoch, handle, seq, stamp_ns, first
@@ -186,7 +186,7 @@ class Forwarder(Machine[int]):
         self._at(now_ns)
         self._linked = True
         self._send_digest(full=True)
-        self._alarms.set(0, self._now_ns + self._settings.digest_ns)
+        self._alarms.set(_DIGEST, self._now_ns + self._settings.digest_ns)
         for route in self._routes.values():
             if route.closed:
                 self._alarms.set_if_none(route.number, self._now_ns + self._settings.linger_ns)
@@ -196,10 +196,12 @@ class Forwarder(Machine[int]):
         """They do not any more: nothing is sent until the next :meth:`link_up`."""
         self._at(now_ns)
         self._linked = False
-        self._alarms.cancel(0)
-        for number in self._routes:
+        self._alarms.cancel(_DIGEST)
+        self._alarms.cancel(_OUTLET)
+        for number, route in self._routes.items():
             # What nobody can have heard of stays until somebody may have.
             self._alarms.cancel(number)
+            self._outlet.remove(route.waiting)
         return self._done()
 
     # -- time
@@ -208,11 +210,13 @@ class Forwarder(Machine[int]):
         """Do what is due; to be called when :class:`.effects.Arm` says."""
         self._at(now_ns)
         while (due := self._alarms.pop_due(self._now_ns)) is not None:
-            if due:
-                self._remove(self._routes[due])
-            else:
+            if due == _DIGEST:
                 self._send_digest(full=False)
-                self._alarms.set(0, self._now_ns + self._settings.digest_ns)
+                self._alarms.set(_DIGEST, self._now_ns + self._settings.digest_ns)
+            elif due == _OUTLET:
+                self._let_out()
+            else:
+                self._remove(self._routes[due])
         return self._done()
 
     # -- what people are told
@@ -227,7 +231,7 @@ class Forwarder(Machine[int]):
             RouteStatus(topic, "", RouteState.REFUSED, reason)
             for topic, reason in sorted(self._refused.items())
         ]
-        return [*map(_status, self._routes.values()), *refused]
+        return [*map(status_of, self._routes.values()), *refused]
 
     def stats(self) -> ForwarderStats:
         """The numbers of this moment."""
@@ -256,8 +260,8 @@ class Forwarder(Machine[int]):
             return
         self._refused.pop(topic, None)
         self._last_route += 1
-        route = _Route(self._last_route, topic, ruling, seen, _mode(ruling, seen.qos))
-        route.changed_ns = self._now_ns
+        limited = self._outlet.limited
+        route = new_route(self._last_route, topic, ruling, seen, self._now_ns, limited=limited)
         self._open[topic] = self._routes[route.number] = route
         self._fed[ruling.name] = topic
         self._effects.append(Subscribe(route.number, topic, seen.type, seen.qos))
@@ -270,11 +274,7 @@ class Forwarder(Machine[int]):
             return f"{ruling.name} is fed by {self._fed[ruling.name]} already"
         if len(self._routes) >= self._settings.max_routes:
             return f"there are {len(self._routes)} routes already"
-        texts = (ruling.name, seen.type.name, seen.type.digest)
-        if not all(map(_fits, texts)):
-            return "its name, its type or its type's hash is missing, too long or not printable"
-        definition = seen.definition or b""
-        return "" if len(definition) <= MAX_DEFINITION_BYTES else "its definition is too long"
+        return unfit(ruling.name, seen)
 
     def _reconsider(self) -> None:
         """Whoever was refused what is free now, the first in the alphabet first."""
@@ -285,7 +285,7 @@ class Forwarder(Machine[int]):
         route = self._open.pop(topic, None)
         if route is not None:
             del self._fed[route.ruling.name]
-            route.closed = True
+            route.closed, route.plain = True, False
             route.revision += 1
             route.changed_ns = self._now_ns
             self._effects.append(Unsubscribe(route.number))
@@ -293,7 +293,8 @@ class Forwarder(Machine[int]):
             if self._linked:
                 self._alarms.set(route.number, self._now_ns + self._settings.linger_ns)
 
-    def _remove(self, route: _Route) -> None:
+    def _remove(self, route: Route) -> None:
+        self._outlet.remove(route.waiting)
         while len(route.history):
             self._drop_oldest(route, Fate.WITHDRAWN)
         del self._routes[route.number]
@@ -302,24 +303,73 @@ class Forwarder(Machine[int]):
 
     # -- messages
 
-    def _barred(self, payload: bytes, first: int, hop: int) -> Fate:
-        """Why a message is not taken."""
+    def _unusual(
+        self, route: Route | None, payload: bytes, stamp_ns: int, first: int, hop: int
+    ) -> list[Effect]:
+        """A message that is not taken, or that may have to wait."""
+        if route is None or route.closed:
+            self._past.pass_on(Fate.WITHDRAWN)
+            return []
+        fate = self._barred(route, payload, first, hop)
+        if fate is not None:
+            route.ledger.pass_on(fate)
+            return []
+        numbers = (self._origin, self._epoch, route.number, route.history.next)
+        header = content_header(*numbers, stamp_ns, first or self._origin, hop)
+        route.changed_ns = self._now_ns
+        self._held_bytes += route.history.take(header, payload, None)
+        route.waiting.took(self._now_ns, waits=self._linked)
+        self._expire(route)
+        self._make_room(route)
+        if self._linked:
+            self._outlet.add(route.waiting, self._now_ns, paced=route.paced)
+            self._let_out()
+        return self._done()
+
+    def _barred(self, route: Route, payload: bytes, first: int, hop: int) -> Fate | None:
         if first == self._origin:
             return Fate.ECHO
         if hop >= self._settings.max_hops:
             return Fate.HOPS
-        return Fate.OVERSIZE if len(payload) > self._most_bytes else Fate.UNLINKED
+        if len(payload) > self._most_bytes:
+            return Fate.OVERSIZE
+        if route.mode is Mode.BEST_EFFORT and not self._linked:
+            return Fate.UNLINKED
+        if route.paced or route.waiting.passes(HEADER_BYTES + len(payload), self._now_ns):
+            return None
+        return Fate.LIMITED
 
-    def _make_room(self, route: _Route) -> None:
+    def _let_out(self) -> None:
+        """Send what waits and may go now; and see to the rest when it may."""
+        while (found := self._outlet.next(self._now_ns)) is not None:
+            waiting, kept = found
+            route = self._routes[waiting.number]
+            if route.paced and kept.sent_ns is None:
+                waiting.spend(len(kept.header) + len(kept.payload), self._now_ns)
+            route.changed_ns = self._now_ns
+            self._send_content(kept)
+        due_ns = self._outlet.due_ns()
+        if due_ns is None:
+            self._alarms.cancel(_OUTLET)
+        else:
+            self._alarms.set(_OUTLET, due_ns)
+
+    def _expire(self, route: Route) -> None:
+        """Let go what is too old."""
+        fresh_from = route.waiting.fresh_from(self._now_ns)
+        while route.history.low < fresh_from:
+            self._drop_oldest(route, Fate.EXPIRED)
+
+    def _make_room(self, route: Route) -> None:
         while self._held_bytes > self._settings.hold_bytes:
             self._drop_oldest(self._largest(route), Fate.EVICTED)
 
-    def _largest(self, route: _Route) -> _Route:
+    def _largest(self, route: Route) -> Route:
         if route.history.held_bytes * len(self._routes) > self._settings.hold_bytes:
             return route
         return max(self._routes.values(), key=lambda one: one.history.held_bytes)
 
-    def _drop_oldest(self, route: _Route, unsent: Fate) -> None:
+    def _drop_oldest(self, route: Route, unsent: Fate) -> None:
         self._held_bytes -= route.history.drop_oldest(unsent)
         route.changed_ns = self._now_ns
 
@@ -355,21 +405,27 @@ class Forwarder(Machine[int]):
             route = self._routes.get(one.route)
             if route is None:
                 continue
+            self._expire(route)
             if one.start < route.history.low and self._may_tell(route):
                 # An advertisement also says what cannot be had any more.
                 self._advertise(route)
             for kept in route.history.run(one.start, one.count):
                 gap_ns = self._settings.resend_gap_ns
-                if kept.sent_ns is None or self._now_ns - kept.sent_ns >= gap_ns:
+                if kept.sent_ns is not None and self._now_ns - kept.sent_ns < gap_ns:
+                    continue
+                if not route.shaped:
                     self._send_content(kept)
+                elif route.waiting.ask(kept.seq):
+                    self._outlet.add(route.waiting, self._now_ns, paced=False)
+        self._let_out()
 
-    def _may_tell(self, route: _Route) -> bool:
+    def _may_tell(self, route: Route) -> bool:
         told_ns = route.told_ns
         return told_ns is None or self._now_ns - told_ns >= self._settings.answer_gap_ns
 
     # -- frames
 
-    def _advertise(self, route: _Route, *, definition: bool = False) -> None:
+    def _advertise(self, route: Route, *, definition: bool = False) -> None:
         if not self._linked:
             return
         route.told_ns = self._now_ns
@@ -381,7 +437,7 @@ class Forwarder(Machine[int]):
                 self._next_control(),
                 route.revision,
                 route.history.low,
-                route.history.next,
+                route.told_next,
                 route.ruling.name,
                 route.seen.type,
                 route.seen.qos,
@@ -395,11 +451,12 @@ class Forwarder(Machine[int]):
         since_ns = self._now_ns - _RECENT_DIGESTS * self._settings.digest_ns
         named, others = [], []
         for route in self._routes.values():
+            self._expire(route)
             if full or route.changed_ns >= since_ns:
-                history = route.history
-                named.append(Entry(route.number, route.revision, history.low, history.next))
+                low, told = route.history.low, route.told_next
+                named.append(Entry(route.number, route.revision, low, told))
             else:
-                others.append((route.number, route.revision, route.history.next))
+                others.append((route.number, route.revision, route.told_next))
         self._send(
             Digest(
                 self._origin,
@@ -419,63 +476,10 @@ class Forwarder(Machine[int]):
         self._effects.append(Send(kept.header, kept.payload))
 
     def _send(self, frame: Frame) -> None:
-        self._effects.append(Send(*encode(frame)))
+        header, payload = encode(frame)
+        self._outlet.pay(len(header) + len(payload), self._now_ns)
+        self._effects.append(Send(header, payload))
 
     def _next_control(self) -> int:
         self._control += 1
         return self._control
-
-
-@attrs.define
-class _Route:
-    number: int
-    topic: str
-    ruling: Ruling
-    seen: SeenTopic
-    mode: Mode
-    revision: int = 0
-    closed: bool = False
-    changed_ns: int = 0
-    told_ns: int | None = None
-    ledger: Ledger = attrs.field(factory=Ledger)
-    history: History = attrs.field(
-        default=attrs.Factory(lambda self: _history(self), takes_self=True)  # noqa: PLW0108 - it follows
-    )
-
-
-def _history(route: _Route) -> History:
-    match route.mode:
-        case Mode.ORDERED:
-            return History(route.ledger, sys.maxsize, Fate.EVICTED)
-        case Mode.STATE:
-            return History(route.ledger, max(1, route.seen.qos.depth), Fate.EVICTED)
-        case Mode.LATEST:
-            return History(route.ledger, 1, Fate.CONFLATED)
-    return History(route.ledger, 0, Fate.UNLINKED)
-
-
-def _fits(text: str) -> bool:
-    return text.isprintable() and 0 < len(text.encode()) <= _MAX_NAME_BYTES
-
-
-def _mode(ruling: Ruling, qos: Qos) -> Mode:
-    if ruling.mode is not None:
-        return ruling.mode
-    if qos.durable:
-        return Mode.STATE
-    return Mode.ORDERED if qos.reliable else Mode.BEST_EFFORT
-
-
-def _status(route: _Route) -> RouteStatus:
-    return RouteStatus(
-        route.topic,
-        route.ruling.name,
-        RouteState.CLOSED if route.closed else RouteState.OPEN,
-        route.ruling.reason,
-        route.number,
-        route.mode,
-        route.history.next,
-        len(route.history),
-        route.history.held_bytes,
-        route.ledger.fates(),
-    )

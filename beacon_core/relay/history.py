@@ -71,6 +71,10 @@ class History:
         self._ledger.settle(unsent if kept.sent_ns is None else Fate.SENT)
         return freed
 
+    def at(self, seq: int) -> Kept:
+        """One that is held."""
+        return self._kept[seq - self.low]
+
     def run(self, start: int, count: int) -> Iterator[Kept]:
         """Those of ``count`` messages from ``start`` on that are held."""
         low = self.low

@@ -44,6 +44,10 @@ class Fate(enum.StrEnum):
     """The forwarder was restarted, so nobody has it any more."""
     WITHDRAWN = "withdrawn"
     """The route came to its end before the message came."""
+    LIMITED = "limited"
+    """More came than its rule allows in the time."""
+    EXPIRED = "expired"
+    """It was too old before it could be sent."""
     REFUSED = "refused"
     """The topic side cannot publish it."""
 

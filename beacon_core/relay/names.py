@@ -20,6 +20,7 @@ from collections.abc import Iterable, Sequence
 import attrs
 
 from beacon_core.errors import ConfigError
+from beacon_core.relay.shaping import UNSHAPED, Shaping
 from beacon_core.relay.values import Mode
 
 __all__ = ["Link", "NameMap", "Rule", "Ruling", "find_loop"]
@@ -37,9 +38,13 @@ class Rule:
     """The name on the other side; empty to keep it."""
     mode: Mode | None = None
     """What is promised for these topics; ``None``: what their quality of service suggests."""
+    shaping: Shaping = UNSHAPED
+    """Of each of these topics."""
 
     def __attrs_post_init__(self) -> None:
         wild = [one for one in _segments("pattern", self.pattern) if one in _ANY]
+        if not self.allow and self.shaping != UNSHAPED:
+            raise ConfigError(f"{self.pattern!r} is denied; leave out how it is to be sent")
         if not self.to:
             return
         if not self.allow:
@@ -62,6 +67,7 @@ class Ruling:
     """Which rule it was, from 0; ``None`` if none fits."""
     reason: str
     mode: Mode | None = None
+    shaping: Shaping = UNSHAPED
 
 
 @attrs.frozen
@@ -147,6 +153,7 @@ def _ruling(name: str, number: int, rule: Rule, caught: list[_Parts]) -> Ruling:
         rule=number,
         reason=f"{how}, renamed to {out}" if rule.to else how,
         mode=rule.mode,
+        shaping=rule.shaping,
     )
 
 

@@ -6,6 +6,7 @@ import attrs
 
 from beacon_core.errors import ConfigError
 from beacon_core.relay.frames import MAX_ENTRIES
+from beacon_core.relay.shaping import is_rate
 
 __all__ = [
     "DEFAULT_FORWARDING",
@@ -41,11 +42,17 @@ class Forwarding:
     """Between two advertisements of one route, and two full digests, whatever is asked."""
     resend_gap_ns: int = 20 * _MS
     """Between two sendings of one content."""
+    link_bytes_per_s: float | None = None
+    """Of all frames together, a tenth of a second's worth at once; what has no room waits."""
 
     def __attrs_post_init__(self) -> None:
         if not 1 <= self.max_routes <= MAX_ENTRIES:
             raise ConfigError(
                 f"max_routes: {self.max_routes} is not possible; give 1 to {MAX_ENTRIES}"
+            )
+        if self.link_bytes_per_s is not None and not is_rate(self.link_bytes_per_s):
+            raise ConfigError(
+                f"link_bytes_per_s: {self.link_bytes_per_s!r} is no rate; give a number above 0"
             )
 
 

@@ -17,6 +17,7 @@ from beacon_core.errors import ConfigError
 from beacon_core.ports.relaying import CONDUIT_GROUP, NETWORK_GROUP
 from beacon_core.relay.names import NameMap, Rule
 from beacon_core.relay.settings import Forwarding, Republishing
+from beacon_core.relay.shaping import Shaping, is_rate
 from beacon_core.relay.values import Mode
 from beacon_core.validator import is_valid_id
 from beacon_gateway.problems import did_you_mean
@@ -77,6 +78,11 @@ class ConduitConfig:
     """An instance of the adapter's own options class."""
 
 
+def _rate(_: object, attribute: attrs.Attribute[float], value: float | None) -> None:
+    if value is not None and not is_rate(value):
+        raise ValueError(f"found {value!r}; give a number above 0, or leave {attribute.name} out")
+
+
 @attrs.frozen
 class RuleConfig:
     """One line: which topics are carried, under which name, and how; or which are not."""
@@ -85,11 +91,17 @@ class RuleConfig:
     deny: str = attrs.field(default="", validator=_pattern_of_one)
     to: str = ""
     mode: Literal["ordered", "latest", "best_effort", "state"] | None = None
+    rate_hz: float | None = None
+    bytes_per_s: float | None = None
+    max_age_s: float | None = None
+    priority: int = 0
 
     def rule(self) -> Rule:
         """The same for the core. ``ConfigError`` if it cannot be understood."""
         mode = None if self.mode is None else Mode[self.mode.upper()]
-        return Rule(bool(self.allow), self.allow or self.deny, self.to, mode)
+        max_age_ns = None if self.max_age_s is None else _ns(self.max_age_s)
+        shaping = Shaping(self.rate_hz, self.bytes_per_s, max_age_ns, self.priority)
+        return Rule(bool(self.allow), self.allow or self.deny, self.to, mode, shaping)
 
 
 @attrs.frozen
@@ -101,6 +113,7 @@ class ForwardConfig:
     message_bytes: int = attrs.field(default=Forwarding().message_bytes, metadata={"at_least": 0})
     max_routes: int = attrs.field(default=Forwarding().max_routes, metadata={"at_least": 1})
     max_hops: int = attrs.field(default=Forwarding().max_hops, metadata={"at_least": 1})
+    link_bytes_per_s: float | None = attrs.field(default=None, validator=_rate)
 
     def names(self) -> NameMap:
         """The rules for the core."""
@@ -113,6 +126,7 @@ class ForwardConfig:
             message_bytes=self.message_bytes,
             max_routes=self.max_routes,
             max_hops=self.max_hops,
+            link_bytes_per_s=self.link_bytes_per_s,
         )
 
 

@@ -10,6 +10,7 @@ from beacon_core.errors import ConfigError
 from beacon_core.ports.relaying import CONDUIT_GROUP
 from beacon_core.relay.names import Rule
 from beacon_core.relay.settings import DEFAULT_FORWARDING, DEFAULT_REPUBLISHING
+from beacon_core.relay.shaping import Shaping
 from beacon_core.relay.values import Mode
 from beacon_gateway.relay.config import find_installed
 from tests.unit.beacon_gateway.relay.plant import Plant, end
@@ -123,3 +124,35 @@ def test_what_is_not_installed_is_told_with_what_there_is() -> None:
 
 def test_an_installed_conduit_is_found_by_its_name() -> None:
     assert find_installed(CONDUIT_GROUP, "local").name == "local"
+
+
+def test_a_rule_says_how_much_may_go_out_how_old_it_may_be_and_who_goes_first(
+    plant: Plant,
+) -> None:
+    rules = [{"allow": "/a", "rate_hz": 5, "bytes_per_s": 1e6, "max_age_s": 0.5, "priority": 7}]
+    ends = plant.config({"a": end("n", "l", forward={"rules": rules, "link_bytes_per_s": 1000})})
+    forward = ends.ends["a"].forward
+    assert forward is not None
+    assert forward.names().rules[0].shaping == Shaping(5.0, 1e6, 500 * MS, 7)
+    assert forward.settings().link_bytes_per_s == 1000.0
+
+
+@pytest.mark.parametrize(
+    ("rule", "complaint"),
+    [
+        ({"rate_hz": 0}, "rate_hz: 0.0 is no rate; give a number above 0"),
+        ({"max_age_s": 0}, "max_age_ns: 0 is not possible"),
+        ({"priority": 9}, "priority: 9 is not possible; give 0 to 7"),
+    ],
+)
+def test_a_shape_that_cannot_be_meant_is_refused(
+    plant: Plant, rule: dict[str, Any], complaint: str
+) -> None:
+    rules = [{"allow": "/a", **rule}]
+    assert complaint in "\n".join(problems(plant, {"a": end("n", "l", forward=rules)}))
+
+
+def test_a_link_that_may_carry_nothing_is_refused(plant: Plant) -> None:
+    forward = {"rules": [{"allow": "/a"}], "link_bytes_per_s": -1}
+    (problem,) = problems(plant, {"a": end("n", "l", forward=forward)})
+    assert "link_bytes_per_s: found -1.0; give a number above 0" in problem

@@ -20,6 +20,7 @@ from beacon_core.relay.frames import (
 from beacon_core.relay.ledger import Fate
 from beacon_core.relay.names import NameMap, Rule
 from beacon_core.relay.settings import Forwarding
+from beacon_core.relay.shaping import Shaping
 from beacon_core.relay.values import Mode, Qos, TopicType
 
 MS = 10**6
@@ -68,6 +69,14 @@ class Side:
     def ask(self, **what: object) -> list[Effect | Frame]:
         reset = Reset(7, 2, 99, **what)  # type: ignore[arg-type]
         return self.sent("frame", *encode(reset))
+
+    def meanwhile(self, ms: int) -> list[Effect | Frame]:
+        """The frames of so long a time."""
+        sent = []
+        for _ in range(ms):
+            self.now += MS
+            sent += self.sent("tick")
+        return sent
 
     def fates(self) -> dict[Fate, int]:
         return self.core.stats().fates
@@ -386,3 +395,119 @@ def test_a_message_brings_the_time_along() -> None:
     assert side.ask(ranges=(Range(1, 0, 1),)) == []
     side.now = 120 * MS
     assert seqs(side.ask(ranges=(Range(1, 0, 1),))) == [0]
+
+
+# -- shaping
+
+
+def shaped(link: float | None = None, mode: Mode | None = None, **shaping: object) -> Side:
+    """Linked; ``/a`` is shaped so, ``/b`` is not."""
+    side = Side()
+    one = Shaping(**shaping)  # type: ignore[arg-type]
+    names = NameMap(
+        (Rule(allow=True, pattern="/a", mode=mode, shaping=one), Rule(allow=True, pattern="/**"))
+    )
+    settings = Forwarding(link_bytes_per_s=link)
+    side.core = Forwarder(origin=7, epoch=2, names=names, now_ns=0, settings=settings)
+    side.do("link_up")
+    side.see("/a")
+    side.see("/b")
+    return side
+
+
+def test_what_exceeds_its_rate_is_dropped_and_counted_and_has_no_number() -> None:
+    side = shaped(rate_hz=10)
+    assert [seqs(side.take("/a", b"x")) for _ in range(4)] == [[0], [1], [], []]
+    side.now = 100 * MS
+    assert seqs(side.take("/a", b"x")) == [2]
+    assert side.fates() == {Fate.LIMITED: 2}
+    assert seqs(side.take("/b", b"x")) == [0]
+
+
+def test_the_newest_of_latest_waits_for_its_turn_and_nobody_is_told_before() -> None:
+    side = shaped(mode=Mode.LATEST, rate_hz=1)
+    assert [seqs(side.take("/a", b"x")) for _ in range(4)] == [[0], [1], [], []]
+    side.now = 100 * MS
+    assert side.ask(ranges=(Range(1, 3, 9),)) == side.do("tick") == []
+    (told,) = side.ask(wanted=(1,))
+    assert isinstance(told, Advertisement)
+    assert (told.low, told.next) == (3, 3)
+    side.now = 1000 * MS
+    digest, newest = side.sent("tick")
+    assert isinstance(digest, Digest)
+    assert isinstance(newest, Content)
+    assert newest.seq == 3
+    assert side.fates() == {Fate.SENT: 2, Fate.CONFLATED: 1}
+
+
+def test_what_is_too_old_is_not_sent_again_and_the_other_side_is_told() -> None:
+    side = shaped(max_age_ns=100 * MS)
+    side.take("/a", b"x")
+    side.now = 99 * MS
+    assert seqs(side.ask(ranges=(Range(1, 0, 1),))) == [0]
+    side.now = 150 * MS
+    (told,) = side.ask(ranges=(Range(1, 0, 1),))
+    assert isinstance(told, Advertisement)
+    assert (told.low, told.next) == (1, 1)
+    assert side.fates() == {Fate.SENT: 1}
+
+
+def test_what_became_too_old_without_a_link_is_never_sent() -> None:
+    side = shaped(max_age_ns=100 * MS)
+    side.do("link_down")
+    side.take("/a", b"x")
+    side.now = 100 * MS
+    digest = side.sent("link_up")[0]
+    assert isinstance(digest, Digest)
+    assert digest.entries[0] == Entry(1, 0, 1, 1)
+    assert side.fates() == {Fate.EXPIRED: 1}
+
+
+def test_a_full_link_makes_contents_wait_and_the_first_class_go_first() -> None:
+    side = shaped(link=10_000, priority=7)
+    for _ in range(30):
+        side.take("/b", bytes(52))
+    assert side.take("/a", bytes(52)) == []
+    gone = [one.route for one in side.meanwhile(500) if isinstance(one, Content)]
+    assert gone[:2] == [1, 2]
+    assert 15 <= len(gone) <= 31
+    assert (side.core.stats().held, side.fates()) == (31, {})
+
+
+def test_what_is_asked_for_on_a_full_link_waits_too() -> None:
+    side = shaped(link=10_000)
+    side.do("link_down")
+    for _ in range(20):
+        assert side.take("/b", bytes(52)) == []
+    side.now = 10_000 * MS
+    side.do("link_up")
+    first = seqs(side.ask(ranges=(Range(2, 0, 99),) * 2))
+    later = seqs(side.meanwhile(300))
+    assert first + later == list(range(20))
+    assert first
+    assert later
+    assert side.take("/b", b"x", first=7) == []
+    assert side.take("/b", b"x", first=3, hop=9) == []
+    assert side.take("/b", bytes(17 * 2**20)) == []
+    assert side.fates() == {Fate.ECHO: 1, Fate.HOPS: 1, Fate.OVERSIZE: 1}
+
+
+def test_best_effort_may_wait_for_a_full_link_but_for_no_link() -> None:
+    side = shaped(link=1000, mode=Mode.BEST_EFFORT)
+    side.now = 2000 * MS
+    assert seqs(side.take("/a", bytes(500))) == [0]
+    assert side.take("/a", b"x") == []
+    assert seqs(side.meanwhile(2000)) == [1]
+    side.do("link_down")
+    assert side.take("/a", b"x") == []
+    assert side.fates() == {Fate.UNLINKED: 1}
+
+
+def test_a_closed_route_lets_out_what_waits_and_says_how_much_that_is() -> None:
+    side = shaped(link=1000)
+    side.now = 2000 * MS
+    assert seqs(side.take("/a", bytes(500))) == [0]
+    side.take("/a", b"x")
+    closed = [one for one in side.sent("topic_gone", "/a") if isinstance(one, Advertisement)]
+    assert [(one.closed, one.next) for one in closed] == [(True, 2)]
+    assert seqs(side.meanwhile(2000)) == [1]

@@ -18,6 +18,7 @@ def test_numbers_are_given_without_gaps() -> None:
     assert history.held_bytes == 3 * 404
     assert [one.seq for one in history.run(1, 9)] == [1, 2]
     assert [one.seq for one in history.run(0, 2)] == [0, 1]
+    assert history.at(1).seq == 1
 
 
 def test_only_so_many_are_kept_and_the_oldest_gives_way() -> None:

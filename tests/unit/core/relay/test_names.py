@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from beacon_core.errors import ConfigError
 from beacon_core.relay.names import Link, NameMap, Rule, find_loop
+from beacon_core.relay.shaping import Shaping
 from beacon_core.relay.values import Mode
 
 
@@ -162,3 +163,10 @@ def test_where_no_loop_is_found_no_name_passes_a_rule_twice(
                     step = (number, ruling.rule)
                     assert step not in passed
                     ways.append((link.target, ruling.name, passed | {step}))
+
+
+def test_a_rule_shapes_what_it_allows_and_nothing_that_it_denies() -> None:
+    rule = Rule(allow=True, pattern="/a", shaping=Shaping(priority=3))
+    assert NameMap((rule,)).rule_on("/a").shaping == Shaping(priority=3)
+    with pytest.raises(ConfigError, match="'/a' is denied; leave out how it is to be sent"):
+        Rule(allow=False, pattern="/a", shaping=Shaping(priority=3))

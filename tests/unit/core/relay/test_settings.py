@@ -13,3 +13,9 @@ def test_no_more_routes_than_a_digest_can_name() -> None:
         Forwarding(max_routes=4097)
     with pytest.raises(ConfigError, match="max_routes: 0"):
         Forwarding(max_routes=0)
+
+
+def test_a_link_that_may_carry_nothing_is_refused() -> None:
+    assert Forwarding(link_bytes_per_s=0.5).link_bytes_per_s == 0.5
+    with pytest.raises(ConfigError, match="link_bytes_per_s: 0 is no rate; give a number above 0"):
+        Forwarding(link_bytes_per_s=0)
