@@ -121,9 +121,9 @@ class Result:
 class Handing:
     """A watcher that does with what it is told what a relay would, and nothing else."""
 
-    def __init__(self, to: RosTopicSide, others: bool = True) -> None:
+    def __init__(self, to: RosTopicSide) -> None:
         self.seen: dict[str, SeenTopic] = {}
-        self._to, self._others = to, others
+        self._to = to
 
     def topic_seen(self, topic: str, seen: SeenTopic) -> None:
         self.seen[topic] = seen
@@ -139,7 +139,7 @@ class Handing:
     def matched(self, handle: int, matched: int, expected: int) -> None: ...
 
     def publisher_failed(self, handle: int, reason: str) -> None:
-        raise RuntimeError(reason)
+        raise RuntimeError(f"{handle}: {reason}")
 
 
 @contextmanager
@@ -252,7 +252,8 @@ def main() -> None:
     for name, some in results.items():
         each = " ".join(f"{one.images:.0f}" for one in some)
         lost = sum(one.lost for one in some)
-        report.line(f"    {name:8} {images[name]:6.0f} MiB/s ({each})  {cpu[name]:5.2f} ms  lost {lost}")
+        told = f"{images[name]:6.0f} MiB/s ({each})  {cpu[name]:5.2f} ms"
+        report.line(f"    {name:8} {told}  lost {lost}")
     share, seen_s = quiet(2.0 if arguments.quick else 15.0)
     report.ratio(f"of a core, {ROUTES} quiet routes", share, IDLE_AT_MOST)
     report.line(f"    {ROUTES} topics were seen after {seen_s:.2f} s")

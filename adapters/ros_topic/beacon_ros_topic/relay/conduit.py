@@ -21,6 +21,7 @@ import time
 from beacon_core.errors import ConfigError, UsageError
 from beacon_core.ports.conduit import ConduitLimits, FrameSink
 from beacon_core.relay.values import Qos, TopicType
+from beacon_ros.errors import said_by_ros
 from beacon_ros.participant import OwnNode
 from beacon_ros.taking import Buffer
 from beacon_ros_topic.relay.hub import Hub
@@ -82,6 +83,7 @@ class RosConduit:
         try:
             self._open(self._hub)
         except Exception as error:  # RCLError, which is not a public name
+            said_by_ros()  # kept, it would be written to stderr when the next thing fails
             self._own.close()
             raise ConfigError(f"prefix: ROS refuses {self._topic!r}: {error}") from error
         self._hub.start()

@@ -11,6 +11,7 @@ import signal
 import struct
 import subprocess
 import sys
+from collections.abc import Callable
 from typing import Any
 
 import attrs
@@ -43,6 +44,8 @@ TEXT = TopicType(
 )
 """Another one."""
 
+_PATIENCE_S = 10.0
+
 _MORTAL = """
 import json, sys
 from beacon_core.relay.values import Qos, TopicType
@@ -56,8 +59,13 @@ sys.stdin.readline()
 
 
 def message(body: bytes) -> bytes:
-    """A whole :data:`BYTES` with this content: no dimensions, no offset, then the bytes."""
-    return b"\0\1\0\0" + struct.pack("<III", 0, 0, len(body)) + body
+    """A whole :data:`BYTES` with this content: no dimensions, no offset, then the bytes.
+
+    Filled up to whole words: DDS does that itself with what goes through a socket, and not with
+    what stays in the process.
+    """
+    fill = bytes(-len(body) % 4)
+    return b"\0\1\0\0" + struct.pack("<III", 0, 0, len(body)) + body + fill
 
 
 class Peers:
@@ -69,7 +77,11 @@ class Peers:
         self.node = Node(
             "peers", context=self._context, enable_rosout=False, start_parameter_services=False
         )
-        self.spinner = Spinner(self._context, self.node)
+        self._spinner = Spinner(self._context, self.node)
+
+    def run(self, action: Callable[[], object]) -> None:
+        """Do this in the thread that serves its node."""
+        assert self._spinner.run(action, _PATIENCE_S)  # noqa: S101 - a check would fail anyway
 
     def publisher(self, topic: str, of: TopicType, qos: Qos) -> _Publisher:
         """One that publishes bytes of any type."""
@@ -78,12 +90,12 @@ class Peers:
     def subscription(self, topic: str, qos: Qos) -> _Subscription:
         """One of :data:`BYTES`, typed: what it cannot parse it does not get."""
         made = _Subscription(self)
-        self.spinner.run(lambda: made.open(topic, qos))
+        self.run(lambda: made.open(topic, qos))
         return made
 
     def close(self) -> None:
         """End the program."""
-        self.spinner.close(5.0)
+        self._spinner.close(_PATIENCE_S)
         deafen(self.node)
         self.node.destroy_node()
         self._context.try_shutdown()
@@ -102,7 +114,7 @@ class _Publisher:
     def close(self) -> None:
         if not self.closed:
             self.closed = True
-            self.peers.spinner.run(lambda: self.peers.node.destroy_publisher(self.made))
+            self.peers.run(lambda: self.peers.node.destroy_publisher(self.made))
 
 
 @attrs.define(eq=False)
@@ -122,7 +134,7 @@ class _Subscription:
     def close(self) -> None:
         made, self.made = self.made, None
         if made is not None:
-            self.peers.spinner.run(lambda: self.peers.node.destroy_subscription(made))
+            self.peers.run(lambda: self.peers.node.destroy_subscription(made))
 
     def _take(self, got: UInt8MultiArray) -> None:
         self.got.append(message(bytes(got.data)))

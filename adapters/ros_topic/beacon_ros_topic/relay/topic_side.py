@@ -17,6 +17,7 @@ from beacon_core.errors import UsageError
 from beacon_core.ports.topic_side import TopicWatcher
 from beacon_core.relay.effects import CreatePublisher, Publish, Subscribe
 from beacon_core.relay.forwarding import SeenTopic
+from beacon_ros.errors import said_by_ros
 from beacon_ros.taking import Buffer
 from beacon_ros_topic.relay.endings import Endings
 from beacon_ros_topic.relay.endpoints import subscriptions_of
@@ -267,5 +268,7 @@ class RosTopicSide:
 
 
 def _sentence(error: Exception) -> str:
-    """ROS's words, which may have several lines."""
+    """ROS's words, which may have several lines. What it keeps of them is forgotten: it would
+    write both to stderr when the next thing fails."""
+    said_by_ros()
     return " ".join(str(error).split()) or type(error).__name__

@@ -81,14 +81,19 @@ class Watch:
         self._waiter.close(_CLOSE_WITHIN_S)
 
     def speaker(self, gid: bytes, topic: str) -> Speaker | None:
-        """Whose GID that is; asks the graph if it was not known at the last look."""
+        """Whose GID that is; asks the graph if it was not known at the last look.
+
+        As long as nobody knows its node, it has no mark.
+        """
         found = self._speakers.get(gid)
-        if found is None:
-            ends = publishers_of(self._node, topic)
-            found = next((_speaker(one) for one in ends if one.gid == gid and one.named), None)
-            if found is not None:
-                self._speakers[gid] = found
-        return found
+        if found is not None:
+            return found
+        end = next((one for one in publishers_of(self._node, topic) if one.gid == gid), None)
+        if end is None:
+            return None
+        if end.named:
+            self._speakers[gid] = _speaker(end)
+        return _speaker(end)
 
     def _step(self) -> float:
         began_s = time.monotonic()

@@ -125,8 +125,8 @@ def test_what_was_removed_is_not_called_any_more(owner: Owner, eventually: Event
     owner.hub.do(lambda: owner.hub.remove(endless))
     eventually(lambda: not owner.hub._places)
     told = len(calls)
-    owner.hub.wake()
     before = owner.steps
+    owner.hub.wake()
     eventually(lambda: owner.steps > before)
     assert len(calls) == told
 
