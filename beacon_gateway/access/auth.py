@@ -23,7 +23,7 @@ __all__ = ["AUTH_PATH", "OPEN_PATHS", "Auth", "covers_everything"]
 AUTH_PATH = "/api/v1/auth/"
 """Where tokens are got: open to everybody."""
 
-OPEN_PATHS = frozenset({"/livez", "/readyz"})
+OPEN_PATHS = frozenset({"/livez", "/readyz", "/api/v1/livez", "/api/v1/readyz"})
 """For supervisors, which have no token; they say no more than yes or why not."""
 
 _PAGE = "/"

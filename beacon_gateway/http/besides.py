@@ -1,4 +1,5 @@
-"""What the OpenAPI document says of routes that are made elsewhere: the live view and tokens."""
+"""What the OpenAPI document says of routes that are made elsewhere: the live view, tokens, and what
+monitoring asks."""
 
 from __future__ import annotations
 
@@ -6,6 +7,7 @@ from beacon_gateway.access.access import Access
 from beacon_gateway.http.models.besides import (
     BeaconChanges,
     OAuthError,
+    Probe,
     Revocation,
     TokenRequest,
     Tokens,
@@ -22,7 +24,7 @@ def operations(access: Access) -> list[Operation]:
     """Those for tokens only if clients are configured: the others are always served."""
     auth = access.rules.auth
     makes = auth is not None and auth.jwt_tokens.makes
-    return [*_LIVE, *(_tokens() if makes else ())]
+    return [*_LIVE, *_MONITORING, *(_tokens() if makes else ())]
 
 
 _LIVE = (
@@ -31,7 +33,7 @@ _LIVE = (
         tag="Live",
         path=f"/{BEACON}/stream",
         summary="Everything, then each change, as server-sent events",
-        media="text/event-stream",
+        media=("text/event-stream",),
         parameters=(_SINCE,),
         refusals=(503,),
         streams=True,
@@ -47,6 +49,31 @@ _LIVE = (
             *(Parameter(name=name) for name in ("wait", "id", "full")),
         ),
         refusals=(503,),
+    ),
+)
+
+
+_MONITORING = (
+    Operation(
+        id="scrapeMetrics",
+        tag="Monitoring",
+        path="/metrics",
+        summary="All numbers, for Prometheus, in the format that it asks for",
+        media=("text/plain", "application/openmetrics-text"),
+    ),
+    *(
+        Operation(
+            id=name,
+            tag="Monitoring",
+            path=path,
+            summary=summary,
+            body=Probe,
+            errors={503: Probe},
+        )
+        for name, path, summary in (
+            ("probeLiveness", "/livez", "Whether it is alive; if not, start it anew"),
+            ("probeReadiness", "/readyz", "Whether every source has begun"),
+        )
     ),
 )
 

@@ -15,14 +15,15 @@ SOVD_VERSION = "1.0.0"
 """Of the standard whose paths and collections these are."""
 
 _AT_ROOT = (
-    "Besides these paths there are, at the server's root, /metrics for Prometheus, and /livez and "
-    "/readyz for supervisors: 200, or 503 with the reasons."
+    "/metrics, /livez and /readyz are served at the server's root too, where monitoring and "
+    "supervisors look for them."
 )
 """Told in words, because generated clients look for every path below the first server's address."""
 
 _JSON = "application/json"
-_ALWAYS = (400, 401, 403, 404, 429, 500)
-"""401 and 403 only where tokens are asked for, 429 only where there are limits."""
+_ALWAYS = (400, 401, 403, 404, 408, 413, 429, 431, 500)
+"""401 and 403 only where tokens are asked for, 429 only where there are limits; 408 and 413 of a
+body, and 431 of a head, whatever the operation."""
 
 
 def document(
@@ -106,7 +107,7 @@ def _responses(operation: Operation, schemas: Schemas) -> dict[str, Any]:
     if operation.body is not None:
         good["content"] = {_JSON: {"schema": schemas.reference(operation.body)}}
     elif operation.media:
-        good["content"] = {operation.media: {"schema": {"type": "string"}}}
+        good["content"] = {media: {"schema": {"type": "string"}} for media in operation.media}
     refused = {"$ref": "#/components/responses/GenericError"}
     bad: dict[int, dict[str, Any]] = dict.fromkeys([*_ALWAYS, *operation.refusals], refused)
     for status, body in operation.errors.items():

@@ -114,8 +114,8 @@ class Operation:
     """Statuses of refusals besides those that every operation has."""
     errors: Mapping[int, type] = attrs.field(factory=dict)
     """Refusals in another form than usual, by status."""
-    media: str = ""
-    """The media type of an answer that is no JSON."""
+    media: tuple[str, ...] = ()
+    """The media types of an answer that is no JSON."""
 
     @property
     def slots(self) -> tuple[str, ...]:

@@ -1,4 +1,5 @@
-"""``/metrics``, ``/livez`` and ``/readyz``: where monitoring and supervisors look for them.
+"""``/metrics``, ``/livez`` and ``/readyz``: where monitoring and supervisors look for them, and
+below the path of the interface, where clients look that are made from its document.
 
 Alive is a gateway whose sweeper turns; that it answers at all shows that its loop does. Ready is
 one whose sources have all begun. A source whose carrier is down later does not make it unready:
@@ -16,18 +17,16 @@ from starlette.routing import Route
 
 from beacon_core.ports.health import Condition
 from beacon_gateway.gateway import Gateway
+from beacon_gateway.http.operations import API_BASE
 from beacon_gateway.metrics.collector import registry_of
 
-__all__ = ["PROBES", "routes"]
-
-PROBES = frozenset({"/livez", "/readyz"})
-"""For supervisors: open to everybody, and they say no more than yes or why not."""
+__all__ = ["routes"]
 
 _NOT_BEGUN = frozenset({Condition.STARTING, Condition.CLOSED})
 
 
 def routes(gateway: Gateway) -> list[Route]:
-    """The three routes; they are none of the standard's, so they are not below its path."""
+    """The three routes, at the root and below the interface's path."""
     registry = registry_of(gateway, per_entity=gateway.config.http.metrics_per_entity)
 
     def metrics(request: Request) -> Response:
@@ -40,7 +39,10 @@ def routes(gateway: Gateway) -> list[Route]:
     def ready(_: Request) -> Response:
         return _verdict(_waits_for(gateway))
 
-    return [Route("/metrics", metrics), Route("/livez", live), Route("/readyz", ready)]
+    handlers = {"/metrics": metrics, "/livez": live, "/readyz": ready}
+    return [
+        Route(base + path, handler) for base in ("", API_BASE) for path, handler in handlers.items()
+    ]
 
 
 def _waits_for(gateway: Gateway) -> list[str]:

@@ -8,7 +8,7 @@ import attrs
 
 from beacon_gateway.http.models.base import Open, key
 
-__all__ = ["BeaconChanges", "OAuthError", "Revocation", "TokenRequest", "Tokens"]
+__all__ = ["BeaconChanges", "OAuthError", "Probe", "Revocation", "TokenRequest", "Tokens"]
 
 
 @attrs.frozen(kw_only=True)
@@ -21,6 +21,14 @@ class BeaconChanges:
     items: Sequence[Open]
     gone: Sequence[str]
     x_medkit: Open = key("x-medkit")
+
+
+@attrs.frozen(kw_only=True)
+class Probe:
+    """Yes, or why not."""
+
+    status: str
+    reasons: Sequence[str] | None = None
 
 
 @attrs.frozen(kw_only=True)

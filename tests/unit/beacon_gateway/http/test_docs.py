@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import asyncio
+from collections.abc import AsyncIterator, Callable
 from typing import TYPE_CHECKING, Any
 
 import attrs
+import httpx
 import pytest
+from starlette.applications import Starlette
 
+from beacon_gateway.access import middleware
+from beacon_gateway.http import create_app
 from beacon_gateway.http.models.base import Open, key, optional_key
 from beacon_gateway.http.schemas import Schemas
 
 if TYPE_CHECKING:
-    from tests.unit.beacon_gateway.conftest import Plant, PlantMaker
+    from tests.unit.beacon_gateway.conftest import Contract, Plant, PlantMaker
 
 UNKNOWN = {
     "error_code": "resource-not-found",
@@ -70,6 +76,64 @@ def test_what_is_served_besides_the_contract_is_in_it_and_answers_as_it_says(hea
     for path in ("/livez", "/readyz", "/metrics"):
         assert path in document["info"]["description"]
         assert heard.get(path).status_code == 200
+        assert heard.get(f"/api/v1{path}").status_code == 200
+
+
+def test_what_monitoring_asks_is_in_it_with_both_its_answers(heard: Plant) -> None:
+    document = heard.ok("/docs")
+    answers = document["paths"]["/metrics"]["get"]["responses"]
+    assert {*answers["200"]["content"]} == {"text/plain", "application/openmetrics-text"}
+    for path in ("/livez", "/readyz"):
+        answers = document["paths"][path]["get"]["responses"]
+        for status in ("200", "503"):
+            schema = answers[status]["content"]["application/json"]["schema"]
+            assert schema == {"$ref": "#/components/schemas/Probe"}
+    assert list(heard.ok("/livez/docs")["paths"]) == ["/livez"]
+    # The contract of each answer is held against the document.
+    heard.gateway.close()
+    for path in ("/livez", "/readyz", "/api/v1/livez", "/api/v1/readyz"):
+        response = heard.get(path)
+        assert (path, response.status_code) == (path, 503)
+        assert response.json()["reasons"] != []
+
+
+def test_what_is_too_large_or_does_not_come_is_refused_as_the_document_says(
+    heard: Plant,
+    contract_of: Callable[[Starlette], Contract],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(middleware, "_BODY_WITHIN_S", 0.05)
+    path = "/api/v1/apps/lidar/cyclic-subscriptions"
+
+    async def stuck() -> AsyncIterator[bytes]:
+        yield b"{"
+        await asyncio.sleep(30)
+
+    def ask(method: str, **given: Any) -> httpx.Response:
+        async def once() -> httpx.Response:
+            transport = httpx.ASGITransport(create_app(heard.gateway))
+            async with httpx.AsyncClient(transport=transport, base_url="http://gateway") as client:
+                return await client.request(method, path, **given)
+
+        return asyncio.run(once())
+
+    answers = {
+        408: ask("POST", content=stuck()),
+        413: ask("POST", content=b"x" * 100_000),
+        431: ask("GET", headers={"x": "y" * 20_000}),
+    }
+    contract = contract_of(create_app(heard.gateway))
+    for status, answer in answers.items():
+        assert answer.status_code == status
+        contract.check(answer)
+
+
+def test_every_operation_may_refuse_a_head_or_a_body(heard: Plant) -> None:
+    refusal = {"$ref": "#/components/responses/GenericError"}
+    for item in heard.ok("/docs")["paths"].values():
+        for operation in item.values():
+            for status in ("408", "413", "431"):
+                assert operation["responses"][status] == refusal
 
 
 def test_every_operation_may_want_a_token_and_set_limits(heard: Plant) -> None:
