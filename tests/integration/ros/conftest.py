@@ -34,7 +34,12 @@ _PATIENCE_S = 5.0
 _SHOWN = 8000
 """Of what a process said, so many characters from the end."""
 
-_NEEDED = ("ros-diagnostic-msgs~=5.3.6", "ros-std-msgs~=5.3.6")
+_NEEDED = (
+    "ros-diagnostic-msgs~=5.3.6",
+    "ros-std-msgs~=5.3.6",
+    "ros-geometry-msgs~=5.3.6",
+    "ros-sensor-msgs~=5.3.6",
+)
 _BUILT = "\nbuilt\n"
 
 
