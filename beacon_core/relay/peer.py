@@ -37,12 +37,24 @@ class Peer:
     def __init__(self, origin: int) -> None:
         self.origin = origin
         self.epoch = -1
+        self.heard_ns = 0
+        """When anything came of it last, or when the link came up since."""
+        self._gone_before = 0
         self.lanes: dict[str, Lane] = {}
         self._begin()
 
-    def join(self, answer: Digest, said_hello_after_ns: int) -> None:
-        """Begin with another life: ``answer`` is to a hello said so long after we began."""
+    @property
+    def idle(self) -> bool:
+        """Nothing of it is published, held, missing or asked for."""
+        return not (self.lanes or self.tracks or self.wanted or self.pending)
+
+    def join(self, answer: Digest, said_hello_after_ns: int, gone_before: int = 0) -> None:
+        """Begin with another life: ``answer`` is to a hello said so long after we began.
+
+        Of routes up to ``gone_before`` what there was has been published, state too.
+        """
         self._begin()
+        self._gone_before = gone_before
         self.epoch = answer.epoch
         if answer.age_ns > said_hello_after_ns:
             self._met.update((one.route, one) for one in answer.entries)
@@ -52,7 +64,7 @@ class Peer:
         met = self._met.get(advertised.route)
         if met is None:
             return 0
-        if advertised.mode is Mode.STATE:
+        if advertised.mode is Mode.STATE and advertised.route > self._gone_before:
             return max(met.low, met.next - advertised.qos.depth)
         return met.next
 
@@ -64,6 +76,16 @@ class Peer:
         known.revision = max(known.revision, revision)
         known.next = max(known.next, after)
         return known
+
+    def want_if_unlike(self, route: int, revision: int) -> None:
+        """Its advertisement is missing, unless the one that came is of this revision."""
+        found = self.tracks.get(route)
+        if found is None:
+            unlike = not self.known[route].done
+        else:
+            unlike = found[1].advertised.revision < revision
+        if unlike:
+            self.wanted.setdefault(route, 0)
 
     def agrees(self, digest: Digest) -> bool:
         """What the digest does not name is what we know."""

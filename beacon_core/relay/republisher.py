@@ -27,6 +27,7 @@ import attrs
 from beacon_core.relay.asking import HELLO, Asking
 from beacon_core.relay.effects import Effect
 from beacon_core.relay.flow import Flow
+from beacon_core.relay.forgetting import Forgotten
 from beacon_core.relay.frames import Advertisement, Content, Digest, Malformed, Reset, decode
 from beacon_core.relay.lane import Cause, Lane, LaneState
 from beacon_core.relay.ledger import Fate, Ledger
@@ -70,7 +71,7 @@ class Republisher(Machine[_Key]):
         """
         super().__init__(now_ns)
         self._asker, self._own, self._settings = asker, frozenset(own), settings
-        self._began_ns = now_ns
+        self._forgotten = Forgotten(settings, now_ns)
         self._peers: dict[int, Peer] = {}
         self._lanes: dict[int, Lane] = {}
         self._last_lane = 0
@@ -107,6 +108,7 @@ class Republisher(Machine[_Key]):
         self._asking.linked = True
         self._asking.need_hello(self._now_ns)
         for peer in self._peers.values():
+            peer.heard_ns = self._now_ns
             self._ask_wanted(peer)
             for lane in list(peer.lanes.values()):
                 self._run(lane)
@@ -182,6 +184,8 @@ class Republisher(Machine[_Key]):
         if isinstance(frame, Digest) and frame.asker == self._asker:
             self._join_if_new(frame)
         peer = self._peers.get(frame.origin)
+        if peer is not None:
+            peer.heard_ns = self._now_ns
         if peer is None or frame.epoch > peer.epoch:
             self._frames.unjoined += 1
             self._asking.need_hello(self._now_ns)
@@ -199,14 +203,19 @@ class Republisher(Machine[_Key]):
         if said_ns is None:
             return
         peer = self._peers.get(answer.origin)
+        known = self._forgotten.recall(answer.origin, answer.epoch, followed=peer is not None)
         if peer is None:
-            if len(self._peers) >= self._settings.max_origins:
+            if said_ns < known.since_ns or answer.epoch < known.epoch:
+                return
+            linked = self._asking.linked
+            if not self._forgotten.make_room(self._peers, self._now_ns, linked=linked):
                 self._frames.crowded += 1
                 return
             peer = self._peers[answer.origin] = Peer(answer.origin)
         if answer.epoch > peer.epoch:
             self._leave_life(peer)
-            peer.join(answer, said_ns - self._began_ns)
+            peer.join(answer, said_ns - known.since_ns, known.routes)
+            self._forgotten.follow(answer.origin)
             for lane in list(peer.lanes.values()):
                 self._run(lane)
 
@@ -231,7 +240,7 @@ class Republisher(Machine[_Key]):
             if self._has_room_for(peer, one.route):
                 known = peer.learn(one.route, one.revision, one.next, digest.control)
                 self._follow(peer, one.route, one.low, one.next)
-                self._want_if_unlike(peer, one.route, known.revision)
+                peer.want_if_unlike(one.route, known.revision)
         if digest.full:
             for route in peer.forget_unnamed(digest):
                 self._withdraw(peer, route)
@@ -276,15 +285,6 @@ class Republisher(Machine[_Key]):
             self._run(found[0])
 
     # -- advertisements that are missing
-
-    def _want_if_unlike(self, peer: Peer, route: int, revision: int) -> None:
-        found = peer.tracks.get(route)
-        if found is None:
-            unlike = not peer.known[route].done
-        else:
-            unlike = found[1].advertised.revision < revision
-        if unlike:
-            peer.wanted.setdefault(route, 0)
 
     def _ask_wanted(self, peer: Peer) -> None:
         # What a digest has named, is asked for until one does not: its next one may not name it.

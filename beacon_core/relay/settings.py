@@ -63,6 +63,9 @@ class Republishing:
     hold_bytes: int = 64 * 1024 * 1024
     """Contents that wait, of all origins together, with overhead."""
     max_origins: int = 16
+    """When it is reached, a silent one of which nothing is left gives way to a new one."""
+    forget_ns: int = 30_000 * _MS
+    """Silent for so long, while there was a link: a forwarder that lives is heard each second."""
     max_routes: int = 1000
     """Of one origin."""
     ask_after_ns: int = 20 * _MS

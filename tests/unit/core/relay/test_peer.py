@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 from beacon_core.relay.frames import Advertisement, Digest, Entry, fingerprint
+from beacon_core.relay.lane import Lane
 from beacon_core.relay.peer import Peer
+from beacon_core.relay.track import Track
 from beacon_core.relay.values import Mode, Qos, TopicType
 
 
@@ -61,3 +63,33 @@ def test_a_full_digest_ends_what_it_does_not_name_unless_that_is_newer() -> None
     assert sorted(peer.known) == [1, 3]
     assert peer.full_control == 7
     assert (peer.start_of(advert(1)), peer.start_of(advert(4))) == (9, 0)
+
+
+def test_it_is_idle_while_nothing_of_it_is_published_or_wanted() -> None:
+    peer = Peer(1)
+    peer.join(digest(), said_hello_after_ns=0)
+    assert peer.idle
+    peer.learn(4, 1, 0, 0)
+    peer.want_if_unlike(4, 1)
+    assert not peer.idle
+
+
+def test_an_advertisement_is_wanted_unless_the_one_there_is_says_the_same() -> None:
+    peer = Peer(1)
+    lane, track = Lane(1, 1, "/n", 0), Track(advert(4), 0, 0)
+    peer.tracks[4] = lane, track
+    peer.want_if_unlike(4, 0)
+    peer.learn(5, 0, 0, 0).done = True
+    peer.want_if_unlike(5, 9)
+    assert peer.wanted == {}
+    peer.want_if_unlike(4, 1)
+    peer.learn(6, 0, 0, 0)
+    peer.want_if_unlike(6, 0)
+    assert peer.wanted == {4: 0, 6: 0}
+
+
+def test_of_state_that_was_published_before_it_was_forgotten_nothing_is_wanted() -> None:
+    peer = Peer(1)
+    peer.join(digest(Entry(1, 0, 2, 9), Entry(2, 0, 2, 9)), 99, gone_before=1)
+    assert peer.start_of(advert(1, Mode.STATE)) == 9
+    assert peer.start_of(advert(2, Mode.STATE)) == 6

@@ -247,6 +247,82 @@ def test_too_many_forwarders_are_refused() -> None:
     assert (side.core.stats().origins, side.core.stats().frames.crowded) == (1, 1)
 
 
+def forgotten() -> Side:
+    """It had joined 7, and published 0 and 1 of a state; then 7 was closed and 8 has come instead.
+
+    Its first hello was said at 0, its last at 40 s, just before 8 came.
+    """
+    side = Side(max_origins=1)
+    side.join()
+    side.advert(mode=Mode.STATE)
+    assert side.content(0) == [0]
+    assert side.content(1) == [1]
+    side.advert(revision=1, closed=True, mode=Mode.STATE, next=2)
+    side.later(1000)
+    side.now = 40_000 * MS
+    assert hellos(side.come(Content(8, 1, 1, 0, 0, b"x", 8))) == [2]
+    side.join(origin=8, epoch=1, hello=2)
+    assert side.core.stats().origins == 1
+    # It goes in turn, when 7 comes back.
+    side.now = 80_000 * MS
+    return side
+
+
+def test_a_silent_forwarder_of_which_nothing_is_left_gives_way_to_a_new_one() -> None:
+    side = forgotten()
+    assert side.core.stats().frames.crowded == 0
+    side.join(origin=9, epoch=1, hello=2)
+    side.join(origin=10, epoch=1, hello=2)
+    assert (side.core.stats().origins, side.core.stats().frames.crowded) == (1, 1)
+
+
+def test_one_that_has_a_topic_or_was_heard_of_late_does_not_give_way() -> None:
+    side = Side(max_origins=1)
+    side.join()
+    side.advert()
+    side.now = 10**6 * MS
+    side.join(origin=8)
+    assert side.core.stats().frames.crowded == 1
+    other = Side(max_origins=1)
+    other.join()
+    other.do("link_down")
+    other.now = 100_000 * MS
+    other.join(origin=8)
+    other.do("link_up")
+    other.now += 29_000 * MS
+    other.join(origin=8)
+    assert (other.core.stats().origins, other.core.stats().frames.crowded) == (1, 2)
+    other.now += 1000 * MS
+    other.join(origin=8)
+    assert other.core.stats().frames.crowded == 2
+
+
+def test_nothing_of_a_forwarder_that_comes_back_is_published_twice() -> None:
+    side = forgotten()
+    side.join(Entry(1, 0, 0, 2), hello=1, age=40_000 * MS)
+    side.join(Entry(1, 0, 0, 2), hello=2, age=40_000 * MS)
+    assert side.content(1) == []
+    assert side.core.stats().frames.unjoined == 4
+    side.now += 10_000 * MS
+    assert hellos(side.advert())
+    side.join(Entry(1, 0, 0, 2), Entry(2, 0, 0, 3), hello=4, age=90_000 * MS)
+    side.advert(mode=Mode.STATE, next=2)
+    side.advert(2, name="/m", mode=Mode.STATE, next=3)
+    assert side.content(1) == []
+    assert side.content(2) == [2]
+    assert [side.content(seq, route=2) for seq in (0, 1, 2, 3)] == [[0], [1], [2], [3]]
+
+
+def test_a_life_before_the_one_that_was_forgotten_is_not_believed_again() -> None:
+    side = forgotten()
+    side.content(0)
+    side.join(epoch=1, hello=3)
+    assert side.core.stats().frames.unjoined == 3
+    side.join(epoch=3, hello=2, age=10)
+    side.come(attrs.evolve(ADVERT, epoch=3, control=99))
+    assert published(side.come(Content(7, 3, 1, 0, 5, b"x", 7))) == [5]
+
+
 def test_what_is_not_for_it_is_counted() -> None:
     side = Side(own=(7,))
     side.join()
