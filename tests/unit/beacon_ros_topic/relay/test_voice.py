@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes as c
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import TYPE_CHECKING
 
 import pytest
@@ -13,7 +15,6 @@ from rclpy.qos import QoSProfile
 
 from beacon_core.relay.values import Qos
 from beacon_ros.taking import Buffer
-from beacon_ros_topic.relay import voice as voice_module
 from beacon_ros_topic.relay.endpoints import publishers_of
 from beacon_ros_topic.relay.harness import BYTES, message
 from beacon_ros_topic.relay.hub import Hub
@@ -78,12 +79,12 @@ def test_a_middleware_without_gids_is_told(own: OwnNode, monkeypatch: pytest.Mon
     class Library:
         rmw_get_gid_for_publisher = Refuses()
 
-    real = voice_module.c.CDLL
+    real = c.CDLL
 
     def library(name: str) -> object:
         return Library() if name.startswith("librmw_") else real(name)
 
-    monkeypatch.setattr(voice_module.c, "CDLL", library)
+    monkeypatch.setattr(c, "CDLL", library)
     with pytest.raises(RuntimeError, match="a publisher has no GID"):
         Voice(own.node, type_for(BYTES), "/other", QOS)
 
@@ -92,24 +93,31 @@ def test_a_thousand_messages_are_taken_in_turns(
     own: OwnNode, ros: RosTopicSideHarness, eventually: Eventually
 ) -> None:
     heard: dict[str, list[bytes]] = {"/one": [], "/two": []}
-    hub = Hub(own.context, lambda: None, lambda: [one.close() for one in intakes])
+    intakes: list[Intake] = []
+
+    def end() -> None:
+        for intake in intakes:
+            intake.close()
+
+    hub = Hub(own.context, lambda: None, end)
     buffer, qos = Buffer(), QoSProfile(depth=1000)
-    intakes = [
-        Intake(
-            own.node, type_for(BYTES), topic, qos, buffer, lambda m, *_, t=topic: heard[t].append(m)
-        )
-        for topic in heard
-    ]
+    for topic, some in heard.items():
+        tell = partial(keep, some)
+        intakes.append(Intake(own.node, type_for(BYTES), topic, qos, buffer, tell))
     voices = [Voice(own.node, type_for(BYTES), topic, qos) for topic in heard]
-    eventually(lambda: all(one.count() for one in voices))
+    eventually(lambda: all(voice.count() for voice in voices))
     for number in range(500):
-        for one in voices:
-            one.send(message(b"%d" % number))
-    for one in intakes:
-        hub.do(lambda one=one: one.open(hub))
+        for voice in voices:
+            voice.send(message(b"%d" % number))
+    for intake in intakes:
+        hub.do(partial(intake.open, hub))
     hub.start()
     eventually(lambda: all(len(some) == 500 for some in heard.values()))
     assert heard["/one"] == heard["/two"] == [message(b"%d" % number) for number in range(500)]
     assert hub.close(5.0)
-    for one in voices:
-        one.close()
+    for voice in voices:
+        voice.close()
+
+
+def keep(some: list[bytes], payload: bytes, _gid: bytes, _stamp_ns: int) -> None:
+    some.append(payload)
