@@ -6,6 +6,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import TYPE_CHECKING
 
 import pytest
@@ -56,7 +57,7 @@ def test_it_does_what_it_is_asked_in_order_and_in_its_thread(
 ) -> None:
     done: list[int] = []
     for number in range(5):
-        owner.hub.do(lambda number=number: done.append(number))
+        owner.hub.do(partial(done.append, number))
     owner.hub.start()
     eventually(lambda: len(done) == 5)
     owner.hub.do(lambda: owner.threads.add(threading.current_thread().name))
@@ -87,7 +88,7 @@ def test_a_bell_has_what_hangs_on_it_drained_as_long_as_there_is_more(
         left[which] -= 1
         return left[which] > 0
 
-    bells = [owner.hub.add(lambda which=which: drain(which)) for which in (0, 1)]
+    bells = [owner.hub.add(partial(drain, which)) for which in (0, 1)]
     owner.hub.start()
     bells[0].ring()
     eventually(lambda: calls[0] == 3)
@@ -101,7 +102,7 @@ def test_hundreds_share_a_few_bells(owner: Owner, eventually: Eventually) -> Non
         called.add(which)
         return False
 
-    bells = [owner.hub.add(lambda which=which: drain(which)) for which in range(500)]
+    bells = [owner.hub.add(partial(drain, which)) for which in range(500)]
     assert len({bell.fd for bell in bells}) == 64
     owner.hub.start()
     bells[77].ring()
@@ -137,15 +138,19 @@ def test_the_trouble_of_one_is_logged_and_not_that_of_the_others(
     def broken() -> bool:
         raise ValueError("broken")
 
-    drained: list[int] = []
-    one = owner.hub.add(broken)
-    other = owner.hub.add(lambda: bool(drained.append(1)))
+    drained = threading.Event()
+
+    def drain() -> bool:
+        drained.set()
+        return False
+
+    one, other = owner.hub.add(broken), owner.hub.add(drain)
     owner.hub.start()
     one.ring()
     owner.hub.do(broken)
     eventually(lambda: len(caplog.records) == 2)
     other.ring()
-    eventually(lambda: drained)
+    eventually(drained.is_set)
     assert owner.hub.close(5.0)
     assert [record.message for record in caplog.records] == ["a topic side had trouble"] * 2
 
