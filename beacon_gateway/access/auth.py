@@ -1,8 +1,10 @@
 """Authentication and authorisation: whose request it is, and whether that one may send it.
 
-A token comes as ``Authorization: Bearer``; as the password of ``Basic`` too, for reading only, so
-that a browser that opens the page asks for it and then sends it with everything the page fetches.
-A browser would also send it with what other sites make it post; hence not for writing.
+A token comes as ``Authorization: Bearer``; as the password of ``Basic`` too, for tools that know
+nothing else, and for reading only: a browser sends it also with what other sites make it post.
+
+The page is open to everybody. It is the same files for all, and shows nothing until whoever looks
+at it has given it a token.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ OPEN_PATHS = frozenset({"/livez", "/readyz", "/api/v1/livez", "/api/v1/readyz"})
 """For supervisors, which have no token; they say no more than yes or why not."""
 
 _PAGE = "/"
+_PAGE_FILES = "/page/"
 _REALM = b'realm="beacon"'
 _READS = frozenset({"GET", "HEAD"})
 
@@ -71,14 +74,12 @@ class Auth:
 
 
 def _is_open(path: str) -> bool:
-    return path in OPEN_PATHS or path.startswith(AUTH_PATH)
+    return path in OPEN_PATHS or path == _PAGE or path.startswith((AUTH_PATH, _PAGE_FILES))
 
 
 def _unknown(asked: Asked) -> Refusal:
+    # Not Basic: a browser would ask its user, in a window of its own, for what the page fetches.
     challenge = b"Bearer " + _REALM + b', error="invalid_token"'
-    if asked.path == _PAGE:
-        # Only here: a browser would ask its user also for what a page fetches.
-        challenge = b"Basic " + _REALM + b', charset="UTF-8"'
     message = "Invalid or expired token" if asked.header(b"authorization") else "Token required"
     return Refusal(401, "unauthorized", message, {}, [(b"www-authenticate", challenge)])
 

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
+from pathlib import Path
 from typing import Any
 
 import attrs
+import jwt
 import pytest
 
 from beacon_core.clock import SystemClock
 from beacon_core.hint import BeaconHint
 from beacon_core.ports.adapter import Adapter
 from beacon_fake import ADAPTER, FakeAnnouncer, FakeNetwork, share_network, unshare_network
+from beacon_gateway.access.api_tokens import ApiToken, Identity
+from beacon_gateway.access.roles import Role
+from beacon_gateway.access.secrets import hash_token, new_token
 from beacon_gateway.config import parse_config
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.http import create_app
@@ -77,7 +83,9 @@ class Stage:
 
 
 @contextmanager
-def staged(entities: dict[str, Any] | None = None, **settings: Any) -> Iterator[Stage]:
+def staged(
+    entities: dict[str, Any] | None = None, http: dict[str, Any] | None = None, **settings: Any
+) -> Iterator[Stage]:
     clock, run, stop = SystemClock(), uuid.uuid4().hex, threading.Event()
     networks = {name: FakeNetwork(clock) for name in ("topic", "zenoh")}
     for name, network in networks.items():
@@ -92,7 +100,13 @@ def staged(entities: dict[str, Any] | None = None, **settings: Any) -> Iterator[
     }
     gateway = Gateway(
         parse_config(
-            {"sources": documents, "entities": entities or {}, "log_level": "error"}, lookup
+            {
+                "sources": documents,
+                "entities": entities or {},
+                "http": http or {},
+                "log_level": "error",
+            },
+            lookup,
         ).config,
         lookup=lookup,
     )
@@ -145,6 +159,43 @@ def patient_stage() -> Iterator[Stage]:
     """Whose entities stay as they are for as long as a test takes."""
     with staged(ttl_s=300.0, expiry_s=3000.0, source_rate=1e6, global_rate=1e6) as made:
         yield made
+
+
+@attrs.frozen
+class LockedStage:
+    """One that tells strangers nothing."""
+
+    stage: Stage
+    token: str
+    """Opens it for ever."""
+    key: bytes
+
+    def passing_token(self, seconds: float) -> str:
+        """Opens it for so long."""
+        now_s = int(time.time())
+        claims = {
+            "iss": "beacon",
+            "sub": "a person",
+            "role": "viewer",
+            "iat": now_s,
+            "exp": now_s + math.ceil(seconds),
+            "jti": uuid.uuid4().hex,
+        }
+        return jwt.encode(claims, self.key, "HS256")
+
+
+@pytest.fixture
+def locked_stage(tmp_path: Path) -> Iterator[LockedStage]:
+    token, key = new_token(), b"0123456789abcdef0123456789abcdef"
+    line = ApiToken(Identity("a-person", Role.VIEWER), hash_token(token).encode()).line()
+    (tmp_path / "tokens.txt").write_text(line + "\n")
+    (tmp_path / "jwt.secret").write_bytes(key)
+    auth = {
+        "tokens_file": str(tmp_path / "tokens.txt"),
+        "secret_file": str(tmp_path / "jwt.secret"),
+    }
+    with staged(http={"auth": auth}, ttl_s=3.0, expiry_s=12.0) as made:
+        yield LockedStage(made, token, key)
 
 
 @pytest.fixture(scope="session")

@@ -17,15 +17,19 @@ const at = (id) => document.getElementById(id);
 const tile = (name) => document.querySelector(`.tile[data-count="${name}"] b`);
 
 const model = new Model();
-const link = { up: false, lostMs: Date.now(), reason: '', nextMs: 0, locked: false, tried: false };
+const link = { up: false, lostMs: Date.now(), reason: '', nextMs: 0, locked: '', tried: false };
 let token = sessionStorage.getItem('token') ?? '';
+let accepted = false; // the token has opened something
 let changed = true;
 
 const headers = () => (token ? { Authorization: `Bearer ${token}` } : {});
 
 async function ask(path) {
+  const shown = token;
   try {
     const answer = await fetch(new URL(path, api), { headers: headers(), cache: 'no-store' });
+    // The stream goes on with the rights that it was opened with.
+    if (answer.status === 401 && shown === token && link.up) lock();
     return answer.ok ? await answer.json() : null;
   } catch {
     return null; // the stream says that the line is down
@@ -66,26 +70,67 @@ const stream = new Stream(new URL('x-medkit-beacon/stream', api), {
   },
   state: (now) => {
     if (link.up && !now.up) link.lostMs = Date.now();
-    Object.assign(link, { reason: '', locked: false }, now, { tried: true });
-    if (now.up) health();
+    if (now.locked) {
+      lock();
+      return;
+    }
+    Object.assign(link, { reason: '', locked: '' }, now, { tried: true });
+    if (now.up) {
+      accepted = Boolean(token);
+      health();
+    }
     drawLink();
   },
 });
+
+// Nothing more is told: ask for a token, and say what was wrong with the one there was.
+function lock() {
+  stream.close();
+  if (link.up) link.lostMs = Date.now();
+  let why = 'This gateway asks for an access token.';
+  if (accepted) why = 'Your access token does not count any more: it has expired, or was taken back.';
+  else if (token) why = 'That access token is not accepted.';
+  Object.assign(link, { up: false, reason: '', locked: why, tried: true });
+  forget();
+  drawLink();
+  at('token').focus();
+}
+
+function forget() {
+  token = '';
+  accepted = false;
+  sessionStorage.removeItem('token');
+}
+
+// A browser shows no token when it follows a link: what is behind it is fetched, and then shown.
+async function follow(event) {
+  const to = event.target.closest?.('a[href]');
+  if (!token || !to?.href || !/^https?:/.test(to.href) || to.getAttribute('href').startsWith('#')) return;
+  event.preventDefault();
+  try {
+    const answer = await fetch(to.href, { headers: headers(), cache: 'no-store' });
+    location.assign(URL.createObjectURL(await answer.blob()));
+  } catch {
+    // the stream says that the line is down
+  }
+}
 
 function drawLink() {
   const state = link.up ? 'live' : link.tried ? 'lost' : 'connecting';
   at('link').dataset.state = state;
   say(at('link'), { live: 'Live', lost: 'Not connected', connecting: 'Connecting' }[state]);
   document.body.classList.toggle('lost', state === 'lost');
+  // Who was told nothing is not to read that there is nothing.
+  document.body.classList.toggle('untold', Boolean(link.locked) && !model.version);
   at('banner').hidden = state !== 'lost';
   at('token-form').hidden = !link.locked;
-  at('retry').hidden = link.locked;
+  at('retry').hidden = Boolean(link.locked);
   if (state !== 'lost') return;
+  const known = model.rows.size ? ' What you see is the last that was heard; ages go on.' : '';
   if (link.locked) {
-    say(at('banner-text'), 'This gateway asks for an access token.');
+    say(at('banner-text'), `${link.locked}${known}`);
     return;
   }
-  const known = model.rows.size ? ' What you see is the last that was heard; ages go on.' : '';
   say(at('banner-text'), `Not connected since ${new Date(link.lostMs).toLocaleTimeString([], { hour12: false })}: ${link.reason}.${known}`);
 }
 
@@ -170,10 +215,12 @@ at('retry').addEventListener('click', () => stream.open());
 at('token-form').addEventListener('submit', (event) => {
   event.preventDefault();
   token = at('token').value.trim();
+  if (!token) return;
   sessionStorage.setItem('token', token);
   at('token').value = '';
   stream.open();
 });
+document.addEventListener('click', follow);
 document.addEventListener('keydown', (event) => {
   const typing = event.target.closest('input');
   if (event.key === '/' && !typing) {

@@ -51,6 +51,14 @@ export class Stream {
     this.timer = setTimeout(() => this.open(), pauseMs);
   }
 
+  /** Let go of the line, until it is opened again. */
+  close() {
+    clearTimeout(this.timer);
+    const abort = this.abort;
+    this.abort = null;
+    abort?.abort();
+  }
+
   async read(reader, abort) {
     const decoder = new TextDecoder();
     const silence = () => setTimeout(() => abort.abort(), SILENT_MS);

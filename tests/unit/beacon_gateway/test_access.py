@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import base64
+import re
 import threading
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
@@ -268,16 +269,29 @@ def test_anything_else_is_no_token(
     assert answer.status_code == 401
 
 
-def test_a_browser_may_give_the_token_as_a_password_for_reading_only(
+def test_a_token_may_be_given_as_a_password_for_reading_only(
     doorman: Callable[..., Doorman], tokens: tuple[Path, dict[Role, str]]
 ) -> None:
     path, given = tokens
     door = doorman(auth={"tokens_file": str(path)})
-    assert door.ask("/").headers["www-authenticate"].startswith("Basic ")
     password = base64.b64encode(f"me:{given[Role.ADMIN]}".encode()).decode()
     headers = {"authorization": f"Basic {password}"}
     assert door.ask(headers=headers).status_code == 200
     assert door.ask(method="POST", headers=headers).status_code == 401
+
+
+def test_the_page_is_open_to_all_and_no_browser_asks_for_a_password_by_itself(
+    doorman: Callable[..., Doorman], tokens: tuple[Path, dict[Role, str]]
+) -> None:
+    door = doorman(auth={"tokens_file": str(tokens[0])})
+    assert door.ask("/").status_code == 200
+    for path in re.findall(r'"(page/[^"]+)"', door.ask("/").text):
+        assert door.ask(f"/{path}").status_code == 200
+    for path in (APPS, "/metrics", "/pages", "/page", "/api/v1/x-medkit-beacon/stream"):
+        answer = door.ask(path)
+        assert (path, answer.status_code) == (path, 401)
+        assert answer.headers["www-authenticate"].startswith("Bearer ")
+    assert door.ask("/", "POST").status_code == 404
 
 
 SUBSCRIPTIONS = f"{APPS}/a/cyclic-subscriptions"
