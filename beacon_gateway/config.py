@@ -24,6 +24,8 @@ from beacon_gateway.adapters import load_adapter
 from beacon_gateway.documents import read_yaml
 from beacon_gateway.ids import an_id, an_id_or_empty, ids
 from beacon_gateway.problems import DocumentError, Problem, headed
+from beacon_gateway.relay.config import RelayConfig
+from beacon_gateway.relay.config import register as register_relay
 from beacon_gateway.snapshot import SnapshotConfig
 from beacon_gateway.structuring import Structurer
 from beacon_gateway.tree import entities as tree
@@ -235,6 +237,7 @@ class Config:
     default_component: DefaultComponent = DefaultComponent()
     allow_new_entities: bool = True
     snapshot: SnapshotConfig | None = None
+    relay: RelayConfig | None = None
     server_name: str = "Beacon gateway"
     server_version: str = ""
     """Empty: the gateway's own."""
@@ -273,6 +276,7 @@ def parse_config(
     ``folder``: where the path of a manifest begins; without, where the process is.
     """
     structurer = Structurer()
+    register_relay(structurer)
     structurer.hook(SourceConfig, lambda value: _source(value, structurer, lookup))
     structurer.hook(Config, lambda value: _config(value, structurer, folder))
     config = structurer.structure({} if document is None else document, Config)
@@ -325,7 +329,10 @@ def _config(value: object, structurer: Structurer, folder: Path | None) -> Confi
         _check_ids(config, structurer)
     folder = folder or Path()
     snapshot = config.snapshot and attrs.evolve(config.snapshot, path=folder / config.snapshot.path)
-    return attrs.evolve(config, http=config.http.located(folder), snapshot=snapshot)
+    relay = config.relay
+    if relay is not None:
+        relay = attrs.evolve(relay, identity=relay.identity or str(folder.resolve()))
+    return attrs.evolve(config, http=config.http.located(folder), snapshot=snapshot, relay=relay)
 
 
 def _check_ids(config: Config, structurer: Structurer) -> None:

@@ -14,6 +14,7 @@ from beacon_gateway.config import Config, Lookup, read_manifest
 from beacon_gateway.departures import Departures
 from beacon_gateway.directory import Directory
 from beacon_gateway.listener import Listener
+from beacon_gateway.relay.relay import Relay
 from beacon_gateway.snapshot import Snapshots
 from beacon_gateway.tree.host import Host
 from beacon_gateway.tree.keeper import TreeSettings
@@ -73,13 +74,14 @@ class Gateway:
         if config.snapshot is not None:
             stores = {listener.name: listener.store for listener in self.listeners}
             self._snapshots = Snapshots(config.snapshot, stores, self.clock)
+        self.relay = Relay(config.relay, clock=self.clock) if config.relay is not None else None
         self._retargeting = threading.Lock()
         self._closing = threading.Event()
         self._swept_s = 0.0
         self._sweeper = threading.Thread(target=self._sweep, name="beacon-sweeper", daemon=True)
 
     def start(self) -> None:
-        """Begin to listen on every source, or on none.
+        """Begin to listen on every source, and to relay at every end, or on and at none.
 
         Raises ``ConfigError`` for what no amount of trying can mend.
         """
@@ -88,6 +90,8 @@ class Gateway:
         try:
             for listener in self.listeners:
                 listener.start()
+            if self.relay is not None:
+                self.relay.start()
         except BaseException:
             self.close()
             raise
@@ -121,9 +125,10 @@ class Gateway:
         the disk does; what was heard stays readable."""
         self.stopping.set()
         self._closing.set()
+        relays = [] if self.relay is None else [self.relay]
         threads = [
-            threading.Thread(target=_close, args=(listener,), daemon=True)
-            for listener in self.listeners
+            threading.Thread(target=_close, args=(one,), daemon=True)
+            for one in (*self.listeners, *relays)
         ]
         for thread in threads:
             thread.start()
@@ -177,11 +182,12 @@ def _tree_settings(config: Config) -> TreeSettings:
     )
 
 
-def _close(listener: Listener) -> None:
+def _close(one: Listener | Relay) -> None:
     try:
-        listener.close()
+        one.close()
     except Exception:  # noqa: BLE001 - a faulty adapter must not keep the others open
-        _log.exception("closing the source %s failed", listener.name)
+        name = f"the source {one.name}" if isinstance(one, Listener) else "the relay"
+        _log.exception("closing %s failed", name)
 
 
 def _join(threads: Iterable[threading.Thread]) -> None:

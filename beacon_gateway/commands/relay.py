@@ -11,6 +11,7 @@ from time import monotonic, sleep
 from typing import Any
 from urllib.parse import quote
 
+import httpx
 from rich.live import Live
 
 from beacon_core.errors import BeaconError, ConfigError
@@ -189,8 +190,10 @@ def _needed(arguments: argparse.Namespace, what: str) -> str:
 def _asked(client: GatewayClient, path: str) -> dict[str, Any]:
     answer = client.get(path)
     if not answer.ok:
-        told = printable(str(answer.body.get("error") or answer.body.get("message") or ""))
-        raise Unreachable(told or f"{client.url} runs no relay (HTTP {answer.status})")
+        told = printable(str(answer.body.get("message", "")))
+        if answer.status == httpx.codes.NOT_FOUND:
+            told = "it runs no relay; name one with --url"
+        raise Unreachable(f"{client.url}: {told or f'HTTP {answer.status}'}")
     return answer.body
 
 

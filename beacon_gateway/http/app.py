@@ -33,6 +33,7 @@ from beacon_gateway.http.answers import answer
 from beacon_gateway.http.operations import API_BASE, ApiRoute
 from beacon_gateway.http.shortcut import Shortcut
 from beacon_gateway.http.snapshots import Snapshots
+from beacon_gateway.relay.routes import relay_routes
 
 __all__ = ["create_app"]
 
@@ -79,7 +80,9 @@ def _routes(gateway: Gateway, access: Access, kept: Snapshots) -> list[BaseRoute
     overview = server.overview_route(gateway, [*endpoints, *docs.ENDPOINTS])
     described = [*operations, overview.operation, *besides.operations(access)]
     # The document comes before the entities: /apps/docs is about apps, not one of them.
-    return [*hot, *docs.routes(gateway, described), *families, overview, *metrics.routes(gateway)]
+    relay = relay_routes(gateway.relay) if gateway.relay is not None else []
+    documented = [*docs.routes(gateway, described), *families, overview]
+    return [*hot, *relay, *documented, *metrics.routes(gateway)]
 
 
 def _refuse(_: Request, error: Exception) -> Response:

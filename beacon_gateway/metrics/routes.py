@@ -19,6 +19,7 @@ from beacon_core.ports.health import Condition
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.http.operations import API_BASE
 from beacon_gateway.metrics.collector import registry_of
+from beacon_gateway.relay.metrics import RelayCollector
 
 __all__ = ["routes"]
 
@@ -28,6 +29,8 @@ _NOT_BEGUN = frozenset({Condition.STARTING, Condition.CLOSED})
 def routes(gateway: Gateway) -> list[Route]:
     """The three routes, at the root and below the interface's path."""
     registry = registry_of(gateway, per_entity=gateway.config.http.metrics_per_entity)
+    if gateway.relay is not None:
+        registry.register(RelayCollector(gateway.relay))
 
     def metrics(request: Request) -> Response:
         encode, content_type = choose_encoder(request.headers.get("accept", ""))

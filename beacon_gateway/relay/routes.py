@@ -41,8 +41,9 @@ def relay_routes(relay: Relay) -> list[Route]:
     def explain(request: Request) -> Response:
         topic = request.query_params.get("topic", "")
         if not topic.startswith("/"):
-            reason = {"error": "topic: give the full name of a topic, such as ?topic=/camera/image"}
-            return Response(to_json(reason), 400, media_type=JSON)
+            reason = "topic: give the full name of a topic, such as ?topic=/camera/image"
+            body = {"error_code": "invalid-parameter", "message": reason}
+            return Response(to_json(body), 400, media_type=JSON)
         return Response(to_json(explained(relay, topic)), media_type=JSON)
 
     return [Route(RELAY_PATH, told), Route(f"{RELAY_PATH}/explain", explain)]

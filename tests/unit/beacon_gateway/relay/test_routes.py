@@ -30,7 +30,7 @@ def test_a_topic_is_explained(served: tuple[Relay, str]) -> None:
 def test_what_is_no_topic_is_refused_with_a_way_out(served: tuple[Relay, str], topic: str) -> None:
     answer = httpx.get(f"{served[1]}{RELAY_PATH}/explain?topic={topic}")
     assert answer.status_code == 400
-    assert "give the full name of a topic" in answer.json()["error"]
+    assert "give the full name of a topic" in answer.json()["message"]
 
 
 def test_each_message_is_in_exactly_one_number(served: tuple[Relay, str]) -> None:
