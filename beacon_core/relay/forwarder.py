@@ -320,10 +320,11 @@ class Forwarder(Machine[int]):
         self._held_bytes += route.history.take(header, payload, None)
         route.waiting.took(self._now_ns, waits=self._linked)
         self._expire(route)
-        self._make_room(route)
         if self._linked:
             self._outlet.add(route.waiting, self._now_ns, paced=route.paced)
             self._let_out()
+        # Only now: what may go at once needs no room.
+        self._make_room(route)
         return self._done()
 
     def _barred(self, route: Route, payload: bytes, first: int, hop: int) -> Fate | None:

@@ -3,9 +3,9 @@
 One machine draws messages, topics that come, go and change their type or quality of service, frames
 that are lost, repeated and overtaken, links that break, sides being restarted, publishers that
 cannot be made, subscriptions that match late, hostile bytes, time that passes or jumps, and caps
-from next to nothing to plenty. The oracle (relay_world.py) sees all that is sent, checks each
-publication and, after each step, the books of both sides. In the end everything is healed: then all
-that was announced must have ended, and new messages must arrive.
+and rates from next to nothing to plenty. The oracle (relay_world.py) sees all that is sent, checks
+each publication and, after each step, the books of both sides. In the end everything is healed:
+then all that was announced must have ended, and new messages must arrive.
 
     BEACON_MACHINE_SEED=7 pytest tests/property/test_relay.py       another run than usual
     BEACON_RELAY_STEPS=1000000 pytest tests/property/test_relay.py  a longer one
@@ -33,6 +33,7 @@ from beacon_core.relay.effects import Send
 from beacon_core.relay.frames import Content, Digest, Malformed, Range, Reset, decode, encode
 from beacon_core.relay.ledger import Fate
 from beacon_core.relay.settings import Forwarding, Republishing
+from beacon_core.relay.shaping import UNSHAPED, Shaping
 from tests.property.relay_world import MS, ORIGIN, World, seen
 
 STEPS = int(os.environ.get("BEACON_RELAY_STEPS", "100000"))
@@ -58,6 +59,15 @@ class Machine(RuleBasedStateMachine):
         delay=st.sampled_from([None, None, 0, 3000 * MS]),
         window=st.sampled_from([1, 3, 64]),
         first=st.integers(0, len(TOPICS)),
+        link=st.sampled_from([None, None, 50_000.0]),
+        shaping=st.just(UNSHAPED)
+        | st.builds(
+            Shaping,
+            st.none() | st.sampled_from([5.0, 100.0]),
+            st.none() | st.just(50_000.0),
+            st.none() | st.sampled_from([30 * MS, 5000 * MS]),
+            st.integers(0, 7),
+        ),
     )
     def begin(
         self,
@@ -70,9 +80,16 @@ class Machine(RuleBasedStateMachine):
         delay: int | None,
         window: int,
         first: int,
+        link: float | None,
+        shaping: Shaping,
     ) -> None:
         self.world = World(
-            Forwarding(hold_bytes=hold, message_bytes=largest, max_routes=routes),
+            Forwarding(
+                hold_bytes=hold,
+                message_bytes=largest,
+                max_routes=routes,
+                link_bytes_per_s=link,
+            ),
             Republishing(
                 hold_bytes=sink_hold,
                 max_routes=40,
@@ -81,6 +98,7 @@ class Machine(RuleBasedStateMachine):
                 advertise_delay_ns=delay,
                 ask_window=window,
             ),
+            shaping,
         )
         for topic in TOPICS[:first]:
             self.world.seen(topic, seen())

@@ -400,14 +400,19 @@ def test_a_message_brings_the_time_along() -> None:
 # -- shaping
 
 
-def shaped(link: float | None = None, mode: Mode | None = None, **shaping: object) -> Side:
+def shaped(
+    link: float | None = None,
+    mode: Mode | None = None,
+    hold_bytes: int = 10**6,
+    **shaping: object,
+) -> Side:
     """Linked; ``/a`` is shaped so, ``/b`` is not."""
     side = Side()
     one = Shaping(**shaping)  # type: ignore[arg-type]
     names = NameMap(
         (Rule(allow=True, pattern="/a", mode=mode, shaping=one), Rule(allow=True, pattern="/**"))
     )
-    settings = Forwarding(link_bytes_per_s=link)
+    settings = Forwarding(link_bytes_per_s=link, hold_bytes=hold_bytes)
     side.core = Forwarder(origin=7, epoch=2, names=names, now_ns=0, settings=settings)
     side.do("link_up")
     side.see("/a")
@@ -488,7 +493,7 @@ def test_what_is_asked_for_on_a_full_link_waits_too() -> None:
     assert later
     assert side.take("/b", b"x", first=7) == []
     assert side.take("/b", b"x", first=3, hop=9) == []
-    assert side.take("/b", bytes(17 * 2**20)) == []
+    assert side.take("/b", bytes(2**20)) == []
     assert side.fates() == {Fate.ECHO: 1, Fate.HOPS: 1, Fate.OVERSIZE: 1}
 
 
@@ -501,6 +506,13 @@ def test_best_effort_may_wait_for_a_full_link_but_for_no_link() -> None:
     side.do("link_down")
     assert side.take("/a", b"x") == []
     assert side.fates() == {Fate.UNLINKED: 1}
+
+
+def test_what_may_go_at_once_needs_no_room() -> None:
+    side = shaped(hold_bytes=401, priority=1)
+    assert seqs(side.take("/b", b"x")) == [0]
+    assert seqs(side.take("/a", b"x")) == [0]
+    assert side.fates() == {Fate.SENT: 1}
 
 
 def test_a_closed_route_lets_out_what_waits_and_says_how_much_that_is() -> None:
