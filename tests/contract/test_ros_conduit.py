@@ -14,3 +14,7 @@ from beacon_ros_topic.relay.conduit_harness import RosConduitHarness
 class TestRosConduit(ConduitContract):
     def make_harness(self) -> ConduitHarness:
         return RosConduitHarness()
+
+    @pytest.mark.system
+    def test_an_end_that_hangs_holds_up_nobody_and_is_told(self, harness: ConduitHarness) -> None:
+        super().test_an_end_that_hangs_holds_up_nobody_and_is_told(harness)

@@ -55,11 +55,6 @@ class Offer:
         """Has it a publisher?"""
         return self._main is not None
 
-    @property
-    def holding(self) -> bool:
-        """Does anything wait to go out?"""
-        return bool(self._held)
-
     def open(self, main: Voice) -> None:
         """It is made; what is held may go out."""
         with self._lock:

@@ -56,6 +56,7 @@ class RosTopicSide:
         self._closed = False
         self._hub: Hub | None = None
         self._offers: dict[int, Offer] = {}
+        self._holding: set[int] = set()
         # The rest belongs to the hub's thread.
         self._intakes: dict[int, Intake] = {}
         self._refused: dict[int, tuple[Subscribe, str]] = {}
@@ -93,6 +94,7 @@ class RosTopicSide:
             return
         try:
             if not offer.publish(what):
+                self._holding.add(what.handle)
                 self._hub.wake()
         except RuntimeError as error:
             self._do(partial(self._fail, offer, error))
@@ -223,8 +225,12 @@ class RosTopicSide:
 
     def _step(self) -> float | None:
         wait_s = self._endings.step(self._voice, self._ended)
-        for offer in list(self._offers.values()):
-            if offer.holding and self._flush(offer):
+        for handle in list(self._holding):
+            # First: what is held from now on puts it back.
+            self._holding.discard(handle)
+            offer = self._offers.get(handle)
+            if offer is not None and self._flush(offer):
+                self._holding.add(handle)
                 wait_s = _HELD_STEP_S
         return wait_s
 
