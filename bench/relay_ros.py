@@ -238,7 +238,7 @@ def quiet(seconds: float) -> tuple[float, float]:
 
 def main() -> None:
     arguments = options()
-    rounds, seconds = (1, 1.0) if arguments.quick else (5, 4.0)
+    rounds, seconds = (1, 1.0) if arguments.quick else (5, 3.0)
     report = Report("1 MiB images from one ROS domain to another / a bare raw forwarder")
     subjects = {"bare": bare, "relay": relay}
     results: dict[str, list[Result]] = {name: [] for name in subjects}
