@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import signal
 import sys
 import time
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
     from tests.integration.ros.conftest import Child, Children
 
 WaitUntil = Callable[..., None]
+
+DOCUMENT = Path(__file__).parents[3] / "docs" / "relay.md"
 
 END = """
 ends:
@@ -160,6 +163,36 @@ def test_a_hint_of_a_type_that_is_installed_nowhere_between_is_understood_at_the
     assert hint["metadata"] == {"firmware": "1.2.3", "vendor": "acme"}
     (topic,) = site.told()["republish"]["topics"]
     assert topic["type_hash"].startswith("RIHS01_")
+
+
+def test_the_tutorial_of_the_documentation_works_as_written(
+    tour: Tour, gateway: Callable[..., Any]
+) -> None:
+    robot, base = re.findall(r"^```yaml\n(.*?)^```", DOCUMENT.read_text(), re.DOTALL | re.MULTILINE)
+    port = str(free_port())
+    own = {
+        "domain_id: 7": f"domain_id: {tour.robot_domain}",
+        "domain_id: 8": f"domain_id: {tour.site_domain}",
+        "7448": port,
+        "http: {port: 8080}\n": "",
+    }
+    for shown, here in own.items():
+        assert shown in robot + base
+        robot, base = robot.replace(shown, here), base.replace(shown, here)
+    kept = f"state_folder: {tour.folder}\n"
+    at_base = gateway(base.replace("relay:\n", f"relay:\n  {kept}"))
+    config = tour.folder / "robot.yaml"
+    config.write_text(f"{robot}{kept}http: {{port: 0}}\n")
+    on_robot = tour.children.beacon("relay", "-c", config, "--json")
+    tour.robot("temp_sensor")
+    at_base.becomes("apps/temp_sensor/x-medkit-beacon", "active")
+    told = httpx.get(f"{at_base.url}/api/v1/x-beacon-relay", timeout=10).json()
+    (topic,) = told["ends"][0]["republish"]["topics"]
+    assert (topic["name"], topic["state"]) == ("/ros2_medkit/discovery", "live")
+    (url,) = (one["url"] for one in on_robot.said())
+    explained = tour.children.beacon("relay", "explain", "/ros2_medkit/discovery", "--url", url)
+    assert explained.ends() == 0
+    assert "allowed by rule 0" in explained.out.read_text()
 
 
 class Chaos:
