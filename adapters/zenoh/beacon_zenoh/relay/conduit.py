@@ -72,8 +72,9 @@ DEFAULTS = {
                     "congestion_control": {
                         "drop": {
                             "wait_before_drop": _WAIT_MS * 1000,
-                            # As long as it moves: the outbox waits, nobody else.
-                            "max_wait_before_drop_fragments": 60_000_000,
+                            # Only the outbox waits; but while it does, Zenoh cannot end this
+                            # connection, and no other session of the process begins one.
+                            "max_wait_before_drop_fragments": 3_000_000,
                         }
                     }
                 },
@@ -131,7 +132,7 @@ class ZenohConduit:
         if kind == _RESET:
             return self._send_reset(header, payload)
         outbox = self._outbox
-        if outbox.busy or len(payload) > _DIRECT_BYTES:
+        if outbox.busy or len(header) + len(payload) > _DIRECT_BYTES:
             return outbox.offer(header, payload)
         began = time.monotonic()
         sent = self._put(header, payload)
@@ -161,12 +162,14 @@ class ZenohConduit:
         if not self._asked:
             self._asked = True
             self._keeper.wake()
-        return _put(self._ask, header, payload)
+        ask = self._ask
+        return ask is not None and _put(ask, header, payload)
 
     def _put(self, header: bytes, payload: bytes) -> bool:
         tell = self._tell
-        large = len(payload) + len(header) > _SMALL_BYTES
-        return tell is not None and _put(tell[large], header, payload)
+        if tell is None:
+            return False
+        return _put(tell[len(header) + len(payload) > _SMALL_BYTES], header, payload)
 
     def _put_swiftly(self, header: bytes, payload: bytes) -> bool:
         began = time.monotonic()
@@ -266,9 +269,7 @@ class ZenohConduit:
                 self._speaker = 0
 
 
-def _put(publisher: zenoh.Publisher | None, header: bytes, payload: bytes) -> bool:
-    if publisher is None:
-        return False
+def _put(publisher: zenoh.Publisher, header: bytes, payload: bytes) -> bool:
     try:
         publisher.put(payload, attachment=header)
     except zenoh.ZError as error:  # its session was closed meanwhile

@@ -99,7 +99,7 @@ class CutsOff(FakeEnd):
 
 class Waits(FakeEnd):
     def send(self, header: bytes, payload: bytes) -> bool:
-        time.sleep(0.3)
+        time.sleep(0.03)
         return super().send(header, payload)
 
 
@@ -117,7 +117,7 @@ class Shrinks(FakeEnd):
 
 class StartsSlowly(FakeEnd):
     def start(self, sink: FrameSink) -> None:
-        time.sleep(0.6)
+        time.sleep(0.2)
         super().start(sink)
 
 
@@ -164,7 +164,6 @@ class SendsAfterClose(FakeEnd):
 class WaitsForItsOwnSink(FakeEnd):
     def close(self) -> None:
         if self._cable._lock._is_owned():  # type: ignore[attr-defined]
-            time.sleep(0.6)
             return
         super().close()
 
@@ -172,6 +171,8 @@ class WaitsForItsOwnSink(FakeEnd):
 @pytest.fixture(autouse=True)
 def _soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is too late, is so sooner: these tests wait for it."""
+    monkeypatch.setattr(conduits, "_AT_ONCE_S", 0.1)
+    monkeypatch.setattr(conduits, "_SEND_WITHIN_S", 0.02)
     monkeypatch.setattr(conduits, "_TOLD_WITHIN_S", 0.3)
     monkeypatch.setattr(conduits, "_SLACK_S", 0.1)
     monkeypatch.setattr(conduits, "CLOSE_WITHIN_S", 0.3)
