@@ -54,6 +54,7 @@ def _discovery(gateway: Gateway) -> HealthDiscovery:
             "conflict_count": report.conflict_count,
             "conflicts": [_conflict(one) for one in report.conflicts[:_SHOWN]],
             "id_collisions": report.id_collisions,
+            # Nothing is guessed from namespaces, so nothing that was guessed is left out.
             "filtered_by_gap_fill": 0,
         },
         linking=None if report.linking is None else _linking(report.linking, config),

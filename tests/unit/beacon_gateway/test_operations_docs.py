@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import configparser
 import re
 import shlex
+import shutil
+import subprocess
+import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,11 +15,12 @@ import attrs
 import pytest
 import yaml
 
-from beacon_gateway import config, reload, server
+from beacon_gateway import cli, config, reload, server
 from beacon_gateway.access.exposure import check_exposure
 from beacon_gateway.access.options import AuthConfig, ClientEntry, CorsConfig, RateLimitConfig
 from beacon_gateway.access.options import TlsConfig as HttpTlsConfig
 from beacon_gateway.commands import run as run_command
+from beacon_gateway.console.exits import Exit
 from beacon_gateway.snapshot import SnapshotConfig
 
 if TYPE_CHECKING:
@@ -26,6 +31,7 @@ OPERATIONS = (TOP / "docs/operations.md").read_text()
 CONFIGURATION = (TOP / "docs/configuration.md").read_text()
 UNIT = (TOP / "examples/systemd/beacon.service").read_text()
 DOCKERFILE = (TOP / "examples/docker/Dockerfile").read_text()
+PROJECT = tomllib.loads((TOP / "pyproject.toml").read_text())
 FILE = "/etc/beacon/gateway.yaml"
 
 
@@ -33,6 +39,76 @@ def runs(words: list[str]) -> None:
     """``beacon run`` understands them."""
     assert words[0] == "run"
     assert str(run_command.parser().parse_args(words[1:]).config) == FILE
+
+
+def understood(words: list[str]) -> None:
+    """There is such a command, and it knows each word."""
+    program, command, *rest = words
+    assert program == "/opt/beacon/bin/beacon"
+    assert command in cli.COMMANDS
+    cli._load(command).parser().parse_args(rest)
+
+
+def test_the_unit_calls_commands_that_there_are_with_words_that_they_know() -> None:
+    unit = configparser.RawConfigParser(strict=False)
+    unit.optionxform = str  # type: ignore[assignment, method-assign]
+    unit.read_string(UNIT)
+    assert {*unit.sections()} == {"Unit", "Service", "Install"}
+    service = unit["Service"]
+    for key in ("ExecStartPre", "ExecStart"):
+        understood(shlex.split(service[key]))
+    assert service["ExecReload"].split()[0] == "/bin/kill"
+    assert int(service["RestartPreventExitStatus"]) == Exit.USAGE
+    assert_installs(re.findall(r"^# Once:.* install '([^']+)'$", UNIT, re.MULTILINE)[0])
+
+
+def test_the_image_is_made_of_what_there_is() -> None:
+    steps = [
+        line.split(None, 1)
+        for line in re.sub(r"\\\n", "", DOCKERFILE).splitlines()
+        if line and not line.startswith("#")
+    ]
+    said: dict[str, list[str]] = {}
+    for word, rest in steps:
+        said.setdefault(word, []).append(rest)
+    # Both stages run the same Python, so the folder can go from one to the other.
+    assert len({one.split()[0] for one in said["FROM"]}) == 1
+    copied, (source, target) = said["COPY"][0].split(), said["COPY"][1].split()[1:]
+    assert (copied, source, target) == ([".", "/src"], "/opt/beacon", "/opt/beacon")
+    made, pip = (shlex.split(one) for one in said["RUN"][0].split("&&"))
+    assert made == ["python", "-m", "venv", target]
+    assert (pip[0], pip[1]) == (f"{target}/bin/pip", "install")
+    assert pip[-1].startswith("/src[")
+    assert_installs(pip[-1].replace("/src", "beacon-core"))
+    understood([*yaml.safe_load(said["ENTRYPOINT"][0]), *yaml.safe_load(said["CMD"][0])])
+    python, flag, program = yaml.safe_load(said["HEALTHCHECK"][0].partition("CMD ")[2])
+    assert (python, flag) == (f"{target}/bin/python", "-c")
+    compile(program, "HEALTHCHECK", "exec")
+
+
+def test_the_image_is_given_all_that_it_is_made_of() -> None:
+    ignored = (TOP / "examples/docker/Dockerfile.dockerignore").read_text()
+    given = set(re.findall(r"^!(\S+)$", ignored, re.MULTILINE))
+    packages = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
+    needed = {one.partition("/")[0] for one in packages} | {"pyproject.toml", "README.md"}
+    assert needed <= given
+    assert all((TOP / one).exists() for one in given)
+
+
+def assert_installs(requirement: str) -> None:
+    """The package, with extras that it has."""
+    name, _, extras = requirement.rstrip("]").partition("[")
+    assert name == PROJECT["project"]["name"]
+    assert {*extras.split(",")} <= {*PROJECT["project"]["optional-dependencies"]}
+
+
+@pytest.mark.skipif(not shutil.which("systemd-analyze"), reason="systemd is not installed")
+def test_systemd_has_nothing_to_say_of_the_unit(tmp_path: Path) -> None:
+    unit = tmp_path / "beacon.service"
+    unit.write_text(UNIT.replace("/opt/beacon/bin/beacon", "/bin/true"))
+    command = ["systemd-analyze", "verify", "--man=no", str(unit)]
+    found = subprocess.run(command, capture_output=True, encoding="utf-8", check=False)
+    assert (found.returncode, found.stdout + found.stderr) == (0, "")
 
 
 def test_the_unit_starts_and_reloads_what_there_is() -> None:
