@@ -25,8 +25,8 @@ def test_every_option_is_named_and_those_of_the_conduit_have_a_row() -> None:
 def test_the_examples_are_options() -> None:
     examples = re.findall(r"^```yaml\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
     assert len(examples) == 2
-    for example in map(yaml.safe_load, examples):
-        assert example["conduit"] == CONDUIT.name
+    for example in (yaml.safe_load(text)["conduit"] for text in examples):
+        assert example["adapter"] == CONDUIT.name
         options = cattrs.Converter(forbid_extra_keys=True).structure(
             example["options"], RelayOptions
         )
