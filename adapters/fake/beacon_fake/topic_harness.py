@@ -14,7 +14,7 @@ class FakeTopicHarness:
 
     capabilities = TopicCapabilities()
     patience_s = 10.0
-    quiet_s = 0.05
+    quiet_s = 0.03
     types = (TopicType("fake_msgs/msg/Text", "F1"), TopicType("fake_msgs/msg/Image", "F2"))
     bad_types = (TopicType("unknown_msgs/msg/Secret", "F3"),)
 

@@ -546,7 +546,7 @@ def _subscribed(
     _eventually(harness, heard, f"{topic} is heard")
     told = 0
     while told != (told := len(watching.heard)):
-        wait_until(lambda: False, 0.05)
+        wait_until(lambda: False, harness.quiet_s / 3)
     return peer
 
 
