@@ -95,7 +95,7 @@ class End:
         trace: Trace | None = None,
     ) -> None:
         self.name, self._trace = name, trace
-        self._side, self._conduit, self._clock = side, conduit, clock
+        self._side, self._conduit, self._now_ns = side, conduit, clock.monotonic_ns
         self._forwarder, self._republisher = forwarder, republisher
         self._cores: dict[int, Any] = {
             one: core for one, core in enumerate((forwarder, republisher)) if core is not None
@@ -137,11 +137,18 @@ class End:
 
     # -- what happens, in its turn
 
-    def tell(self, one: int, method: str, *args: Any, size: int = 0, **named: Any) -> None:
+    def tell(self, one: int, method: str, *args: Any) -> None:
         """Tell core ``one`` (0 the forwarder, 1 the republisher), if it is there."""
         if one in self._cores:
-            told = getattr(self._cores[one], method)
-            self._turns.take(self._told, one, told, args, named, size=size)
+            self._turns.take(self._told, one, method, args)
+
+    def message(
+        self, handle: int, payload: bytes, *, stamp_ns: int = 0, first: int = 0, hop: int = 0
+    ) -> None:
+        """A message has come from the network."""
+        if self._forwarder is not None:
+            size = len(payload)
+            self._turns.take(self._message, handle, payload, stamp_ns, first, hop, size=size)
 
     def link(self, *, up: bool) -> None:
         """The conduit's link is up, or down."""
@@ -153,19 +160,36 @@ class End:
         if one not in self._cores:
             # It only counts it.
             one = 1 - one
-        self.tell(one, "frame", header, payload, size=len(payload))
+        if one in self._cores:
+            self._turns.take(self._frame, one, header, payload, size=len(payload))
 
-    def _told(
-        self,
-        one: int,
-        method: Callable[..., list[Effect]],
-        args: tuple[Any, ...],
-        named: dict[str, Any],
-    ) -> None:
-        now_ns = self._clock.monotonic_ns()
-        effects = method(*args, now_ns, **named)
+    def _told(self, one: int, method: str, args: tuple[Any, ...]) -> None:
+        now_ns = self._now_ns()
+        effects = getattr(self._cores[one], method)(*args, now_ns)
         if self._trace is not None:
-            self._trace.write(one, method.__name__, args, named, now_ns, effects)
+            self._trace.write(one, method, args, {}, now_ns, effects)
+        self._carry_out(one, effects)
+
+    # The two that are called for each message take the short way: no names, nothing unpacked.
+
+    def _message(self, handle: int, payload: bytes, stamp_ns: int, first: int, hop: int) -> None:
+        now_ns = self._now_ns()
+        effects = self._cores[0].message(
+            handle, payload, now_ns, stamp_ns=stamp_ns, first=first, hop=hop
+        )
+        if self._trace is not None:
+            named = {"stamp_ns": stamp_ns, "first": first, "hop": hop}
+            self._trace.write(0, "message", (handle, payload), named, now_ns, effects)
+        self._carry_out(0, effects)
+
+    def _frame(self, one: int, header: bytes, payload: bytes) -> None:
+        now_ns = self._now_ns()
+        effects = self._cores[one].frame(header, payload, now_ns)
+        if self._trace is not None:
+            self._trace.write(one, "frame", (header, payload), {}, now_ns, effects)
+        self._carry_out(one, effects)
+
+    def _carry_out(self, one: int, effects: list[Effect]) -> None:
         ways = self._ways[one]
         for effect in effects:
             try:
@@ -175,9 +199,9 @@ class End:
 
     def _link(self, up: bool) -> None:  # noqa: FBT001 - it is what has happened
         if up != self._linked:
-            self._linked, self._linked_since_ns = up, self._clock.monotonic_ns()
-        for one, core in self._cores.items():
-            self._told(one, core.link_up if up else core.link_down, (), {})
+            self._linked, self._linked_since_ns = up, self._now_ns()
+        for one in self._cores:
+            self._told(one, "link_up" if up else "link_down", ())
 
     def _rung(self, one: Hashable) -> None:
         self.tell(0 if one == 0 else 1, "tick")
@@ -229,26 +253,13 @@ class _Topics:
 
     def __init__(self, end: End) -> None:
         self._tell = end.tell
+        self.message = end.message
 
     def topic_seen(self, topic: str, seen: SeenTopic) -> None:
         self._tell(0, "topic_seen", topic, seen)
 
     def topic_gone(self, topic: str) -> None:
         self._tell(0, "topic_gone", topic)
-
-    def message(
-        self, handle: int, payload: bytes, *, stamp_ns: int = 0, first: int = 0, hop: int = 0
-    ) -> None:
-        self._tell(
-            0,
-            "message",
-            handle,
-            payload,
-            size=len(payload),
-            stamp_ns=stamp_ns,
-            first=first,
-            hop=hop,
-        )
 
     def matched(self, handle: int, matched: int, expected: int) -> None:
         self._tell(1, "matched", handle, matched, expected)

@@ -52,11 +52,8 @@ class Turns:
         ``size``: bytes that it holds. What it raises is logged.
         """
         self._jobs.append((job, args))
-        patient = size > HEAVY_BYTES or len(self._jobs) > _MANY
-        # Who is at work already may be waited for by whom it would wait for.
-        if patient and not getattr(_working, "depth", 0):
-            if self._busy.acquire(timeout=_PATIENCE_S):
-                self._work()
+        if size > HEAVY_BYTES or len(self._jobs) > _MANY:
+            self._take_patiently()
         elif self._busy.acquire(blocking=False):
             self._work()
 
@@ -76,26 +73,28 @@ class Turns:
         self.take(answered)
         return answer.result(within_s)
 
+    def _take_patiently(self) -> None:
+        # Who is at work already may be waited for by whom it would wait for.
+        patience_s = 0.0 if getattr(_working, "depth", 0) else _PATIENCE_S
+        if self._busy.acquire(timeout=patience_s):
+            self._work()
+
     def _work(self) -> None:
         """Do all that has been put down; called with the lock held."""
-        _working.depth = getattr(_working, "depth", 0) + 1
+        jobs = self._jobs
+        before, _working.depth = getattr(_working, "depth", 0), 1
         try:
             while True:
                 try:
-                    while self._jobs:
-                        job, args = self._jobs.popleft()
-                        _do(job, args)
+                    while jobs:
+                        job, args = jobs.popleft()
+                        job(*args)
+                except Exception:  # noqa: BLE001 - what one job breaks, the next need not suffer
+                    _log.exception("a defect of the relay, or of what it is connected to")
                 finally:
                     self._busy.release()
                 # Whoever came between the last look and the release, has left its job to us.
-                if not self._jobs or not self._busy.acquire(blocking=False):
+                if not jobs or not self._busy.acquire(blocking=False):
                     return
         finally:
-            _working.depth -= 1
-
-
-def _do(job: Callable[..., object], args: tuple[Any, ...]) -> None:
-    try:
-        job(*args)
-    except Exception:  # noqa: BLE001 - what one job breaks, the next ones need not suffer
-        _log.exception("a defect of the relay, or of what it is connected to")
+            _working.depth = before
