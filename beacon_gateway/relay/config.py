@@ -109,6 +109,8 @@ class ForwardConfig:
     """From the network into the conduit. The limits are those of :class:`.Forwarding`."""
 
     rules: tuple[RuleConfig, ...] = ()
+    compress: bool = False
+    """With Zstandard, each topic that gains by it."""
     hold_bytes: int = attrs.field(default=Forwarding().hold_bytes, metadata={"at_least": 0})
     message_bytes: int = attrs.field(default=Forwarding().message_bytes, metadata={"at_least": 0})
     max_routes: int = attrs.field(default=Forwarding().max_routes, metadata={"at_least": 1})

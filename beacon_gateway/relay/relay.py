@@ -16,6 +16,7 @@ from beacon_gateway.relay.births import ForwarderBirth, RepublisherBirth
 from beacon_gateway.relay.config import EndConfig, Find, RelayConfig, find_installed
 from beacon_gateway.relay.end import End
 from beacon_gateway.relay.identity import default_state_folder, new_asker, next_epoch, origin_of
+from beacon_gateway.relay.squeeze import SqueezingConduit
 from beacon_gateway.relay.trace import TraceFile
 
 __all__ = ["EndName", "Relay", "check_loops"]
@@ -90,12 +91,13 @@ class Relay:
             )
         if (republish := config.republish) is not None:
             republisher = RepublisherBirth(new_asker(), own, republish.settings(), now_ns)
+        compress = config.forward is not None and config.forward.compress
         network = self._find(NETWORK_GROUP, config.network.adapter)
         conduit = self._find(CONDUIT_GROUP, config.conduit.adapter)
         return End(
             name,
             network.topic_side(config.network.options),
-            conduit.conduit(config.conduit.options),
+            SqueezingConduit(conduit.conduit(config.conduit.options), squeezes=compress),
             self.clock,
             forwarder=forwarder.make() if forwarder else None,
             republisher=republisher.make() if republisher else None,

@@ -134,6 +134,21 @@ def test_a_topic_is_explained_whether_it_is_there_or_not(
     assert explained(relay, "/nobody")["ends"][0]["routes"] == []
 
 
+def test_what_is_compressed_on_the_way_arrives_as_it_was(plant: Plant, link: str) -> None:
+    text = b"much the same as before, and again " * 100
+    ends = {
+        "robot": end("robot", link, forward={"rules": [{"allow": "/**"}], "compress": True}),
+        "site": end("site", link, republish=True),
+    }
+    heard = plant.subscription("site", "/chatter")
+    talker = plant.publisher("robot", "/chatter")
+    relay = plant.relay(ends)
+    wait_for(lambda: bool(relay.ends["site"].state().lanes), "the route")
+    for _ in range(30):
+        talker.publish(text)
+    wait_for(lambda: heard.received() == [text] * 30)
+
+
 def test_a_trace_is_replayed_alike(plant: Plant, one_way: dict[str, Any], tmp_path: Path) -> None:
     trace = tmp_path / "relay.trace"
     heard = plant.subscription("site", "/robot/chatter")
