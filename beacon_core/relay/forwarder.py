@@ -27,12 +27,7 @@ Nothing that comes in makes it send more than: an advertisement per route and a 
 from __future__ import annotations
 
 from beacon_core.relay.effects import Effect, Send, Subscribe, Unsubscribe
-from beacon_core.relay.forwarding import (
-    ForwarderStats,
-    RouteState,
-    RouteStatus,
-    SeenTopic,
-)
+from beacon_core.relay.forwarding import ForwarderStats, RouteState, RouteStatus, SeenTopic
 from beacon_core.relay.frames import (
     CONTENT,
     HEAD,
@@ -54,14 +49,17 @@ from beacon_core.relay.ledger import Fate, Ledger
 from beacon_core.relay.machine import Machine
 from beacon_core.relay.names import NameMap, Ruling
 from beacon_core.relay.outlet import Outlet
-from beacon_core.relay.route import Route, new_route, status_of, unfit
+from beacon_core.relay.route import Route, new_route, stats_of, status_of, unfit
 from beacon_core.relay.settings import DEFAULT_FORWARDING, MESSAGE_OVERHEAD_BYTES, Forwarding
 from beacon_core.relay.values import Mode
 
 __all__ = ["Forwarder"]
 
-_DIGEST, _OUTLET = 0, -1
-# Alarms: the digest's, and the next time that something may go out; routes' are their numbers.
+_MAX_HELLOS = 64
+"""Republishers whose hello waits for its answer."""
+
+_DIGEST, _OUTLET, _HELLO = 0, -1, -2
+# Alarms: for the digest, what may go out, and a hello's answer; of closed routes: their numbers.
 _RECENT_DIGESTS = 4
 """A change is named in so many digests; whoever misses all is told by the fingerprint."""
 
@@ -102,6 +100,8 @@ class Forwarder(Machine[int]):
         self._outlet = Outlet(settings.link_bytes_per_s, now_ns)
         self._past = Ledger()
         self._full_sent_ns: int | None = None
+        self._hellos: dict[int, int] = {}
+        # By asker: those that have not been answered yet.
         self._malformed = self._foreign = 0
 
     # -- from the topic side
@@ -198,6 +198,8 @@ class Forwarder(Machine[int]):
         self._linked = False
         self._alarms.cancel(_DIGEST)
         self._alarms.cancel(_OUTLET)
+        self._alarms.cancel(_HELLO)
+        self._hellos.clear()
         for number, route in self._routes.items():
             # What nobody can have heard of stays until somebody may have.
             self._alarms.cancel(number)
@@ -215,6 +217,8 @@ class Forwarder(Machine[int]):
                 self._alarms.set(_DIGEST, self._now_ns + self._settings.digest_ns)
             elif due == _OUTLET:
                 self._let_out()
+            elif due == _HELLO:
+                self._greet()
             else:
                 self._remove(self._routes[due])
         return self._done()
@@ -235,17 +239,10 @@ class Forwarder(Machine[int]):
 
     def stats(self) -> ForwarderStats:
         """The numbers of this moment."""
-        ledgers = [self._past, *(route.ledger for route in self._routes.values())]
-        fates: dict[Fate, int] = {}
-        for ledger in ledgers:
-            for fate, count in ledger.fates().items():
-                fates[fate] = fates.get(fate, 0) + count
-        return ForwarderStats(
-            entered=sum(ledger.entered for ledger in ledgers),
-            held=sum(len(route.history) for route in self._routes.values()),
+        return stats_of(
+            self._past,
+            self._routes.values(),
             held_bytes=self._held_bytes,
-            routes=len(self._routes),
-            fates=fates,
             malformed=self._malformed,
             foreign=self._foreign,
         )
@@ -390,10 +387,25 @@ class Forwarder(Machine[int]):
             self._answer_ranges(reset)
 
     def _answer_hello(self, reset: Reset) -> None:
-        last_ns = self._full_sent_ns
-        if last_ns is None or self._now_ns - last_ns >= self._settings.answer_gap_ns:
-            self._full_sent_ns = self._now_ns
-            self._send_digest(full=True, asker=reset.asker, hello=reset.hello)
+        if reset.asker in self._hellos or len(self._hellos) < _MAX_HELLOS:
+            self._hellos[reset.asker] = reset.hello
+            self._greet()
+
+    def _greet(self) -> None:
+        """Answer the hello that has waited longest, if it may be, and the next one later.
+
+        Several may say hello at once, since the same digest made them, and each of them again and
+        again: whoever is not answered now must not have to come at a better time.
+        """
+        gap_ns, last_ns = self._settings.answer_gap_ns, self._full_sent_ns
+        if last_ns is None or self._now_ns - last_ns >= gap_ns:
+            asker = next(iter(self._hellos))
+            last_ns = self._full_sent_ns = self._now_ns
+            self._send_digest(full=True, asker=asker, hello=self._hellos.pop(asker))
+        if self._hellos:
+            self._alarms.set(_HELLO, last_ns + gap_ns)
+        else:
+            self._alarms.cancel(_HELLO)
 
     def _answer_wanted(self, reset: Reset) -> None:
         for number in reset.wanted:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
+from collections.abc import Collection
 
 import attrs
 
-from beacon_core.relay.forwarding import RouteState, RouteStatus, SeenTopic
+from beacon_core.relay.forwarding import ForwarderStats, RouteState, RouteStatus, SeenTopic
 from beacon_core.relay.frames import MAX_DEFINITION_BYTES
 from beacon_core.relay.history import History
 from beacon_core.relay.ledger import Fate, Ledger
@@ -15,7 +17,7 @@ from beacon_core.relay.shaping import UNSHAPED
 from beacon_core.relay.values import Mode, Qos
 from beacon_core.relay.waiting import Waiting
 
-__all__ = ["Route", "mode_of", "new_route", "status_of", "unfit"]
+__all__ = ["Route", "mode_of", "new_route", "stats_of", "status_of", "unfit"]
 
 _MAX_NAME_BYTES = 255
 
@@ -96,6 +98,25 @@ def status_of(route: Route) -> RouteStatus:
         len(route.history),
         route.history.held_bytes,
         route.ledger.fates(),
+    )
+
+
+def stats_of(
+    past: Ledger, routes: Collection[Route], *, held_bytes: int, malformed: int, foreign: int
+) -> ForwarderStats:
+    """The books of all routes together, and of ``past``, those that are removed."""
+    ledgers = [past, *(route.ledger for route in routes)]
+    fates: Counter[Fate] = Counter()
+    for ledger in ledgers:
+        fates.update(ledger.fates())
+    return ForwarderStats(
+        entered=sum(ledger.entered for ledger in ledgers),
+        held=sum(len(route.history) for route in routes),
+        held_bytes=held_bytes,
+        routes=len(routes),
+        fates=dict(fates),
+        malformed=malformed,
+        foreign=foreign,
     )
 
 

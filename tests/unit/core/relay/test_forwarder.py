@@ -314,6 +314,19 @@ def test_a_hello_is_answered_with_all_routes_but_not_too_often() -> None:
     assert len(side.sent("frame", *encode(reset))) == 1
 
 
+def test_of_several_that_say_hello_at_once_each_is_answered_in_its_turn() -> None:
+    side = Side()
+    for asker, hello in ((1, 5), (2, 6), (3, 7), (2, 8)):
+        side.sent("frame", *encode(Reset(0, 0, asker, hello=hello)))
+    answers = [one for one in side.meanwhile(200) if isinstance(one, Digest)]
+    assert [(one.asker, one.hello) for one in answers] == [(2, 8), (3, 7)]
+    for asker in range(1, 100):
+        side.sent("frame", *encode(Reset(0, 0, asker, hello=1)))
+    side.do("link_down")
+    side.do("link_up")
+    assert len(side.meanwhile(200)) == 0
+
+
 def test_an_advertisement_is_repeated_when_asked_for_with_its_definition_if_wished() -> None:
     side = Side()
     side.see("/a")

@@ -1,8 +1,9 @@
 from __future__ import annotations
 
 from beacon_core.relay.forwarding import RouteState, SeenTopic
+from beacon_core.relay.ledger import Fate, Ledger
 from beacon_core.relay.names import Ruling
-from beacon_core.relay.route import Route, mode_of, new_route, status_of, unfit
+from beacon_core.relay.route import Route, mode_of, new_route, stats_of, status_of, unfit
 from beacon_core.relay.shaping import UNSHAPED, Shaping
 from beacon_core.relay.values import Mode, Qos, TopicType
 
@@ -50,6 +51,17 @@ def test_the_mode_is_the_rules_or_follows_from_the_quality_of_service() -> None:
     assert mode_of(free, Qos(durable=True)) is Mode.STATE
     assert mode_of(free, Qos()) is Mode.ORDERED
     assert mode_of(free, Qos(reliable=False)) is Mode.BEST_EFFORT
+
+
+def test_the_books_of_all_routes_and_of_the_past_are_added_up() -> None:
+    past, one, other = Ledger(), route(), route(Mode.BEST_EFFORT)
+    past.pass_on(Fate.WITHDRAWN)
+    for each in (one, other):
+        each.history.take(b"header", b"x", 5)
+    stats = stats_of(past, [one, other], held_bytes=401, malformed=2, foreign=3)
+    assert (stats.entered, stats.held, stats.held_bytes, stats.routes) == (3, 1, 401, 2)
+    assert stats.fates == {Fate.WITHDRAWN: 1, Fate.SENT: 1}
+    assert (stats.malformed, stats.foreign) == (2, 3)
 
 
 def test_what_no_frame_can_tell_of_is_unfit() -> None:
