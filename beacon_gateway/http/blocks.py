@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -126,8 +126,9 @@ class Blocks:
     def evidence(self, app: App) -> tuple[object, ...]:
         """What its life follows from, besides the app itself; all the same objects while nothing
         of it has changed, and it has a beacon."""
-        needed = (self._roll_ups,) if app.depends_on else ()
-        return (self.tree.functions, *needed, *self.gateway.directory.evidence(app.id))
+        if app.depends_on:
+            return (self.tree.functions, self._roll_ups, *self._evidence(app.id))
+        return (self.tree.functions, *self._evidence(app.id))
 
     def _life(self, entity: App | Component) -> dict[str, Any]:
         return self._told(self.life(entity))
@@ -145,6 +146,10 @@ class Blocks:
     def now_ns(self) -> int:
         """The one moment, on the monotonic clock."""
         return self.gateway.clock.monotonic_ns()
+
+    @cached_property
+    def _evidence(self) -> Callable[[str], tuple[object, ...]]:
+        return self.gateway.directory.evidence()
 
     @cached_property
     def _roll_ups(self) -> Mapping[str, RollUp]:
