@@ -12,28 +12,37 @@ The other end is always a peer: a publisher or a subscription that knows nothing
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Iterator
 from functools import partial
-from typing import Any
 
 import pytest
 
 from beacon_core.ports.topic_side import TopicSide
 from beacon_core.relay.effects import CreatePublisher, Publish, Subscribe
-from beacon_core.relay.forwarding import SeenTopic
 from beacon_core.relay.values import Qos
 from beacon_core.testing.harness import CLOSE_WITHIN_S, within
 from beacon_core.testing.relay.topic_harness import (
-    PeerPublisher,
     TopicHarness,
     Watching,
     wait_until,
 )
+from beacon_core.testing.relay.topic_steps import (
+    FIRST,
+    RELIABLE,
+    eventually,
+    failed,
+    is_matched,
+    needs,
+    new_publisher,
+    nothing,
+    seen_as,
+    speak,
+    subscribed,
+    type_of,
+)
 
 __all__ = ["TopicSideContract"]
 
-_RELIABLE = Qos(reliable=True, durable=False, depth=100)
 _DURABLE = Qos(reliable=True, durable=True, depth=3)
 _BEST_EFFORT = Qos(reliable=False, durable=False, depth=100)
 
@@ -44,7 +53,7 @@ _BODIES = {
     "1 MiB": bytes(range(256)) * 4096,
 }
 
-_FIRST, _OTHER_FIRST = 0x1234_5678_9ABC_DEF0, 0xFEDC_BA98_7654_3210
+_OTHER_FIRST = 0xFEDC_BA98_7654_3210
 
 
 class TopicSideContract:
@@ -79,9 +88,9 @@ class TopicSideContract:
     def test_a_topic_is_seen_with_its_type_its_hash_and_its_qos(
         self, harness: TopicHarness, watching: Watching
     ) -> None:
-        for number, qos in enumerate((_RELIABLE, _BEST_EFFORT, _DURABLE)):
+        for number, qos in enumerate((RELIABLE, _BEST_EFFORT, _DURABLE)):
             harness.publisher(f"/topic_{number}", harness.types[0], qos)
-            seen = _seen(harness, watching, f"/topic_{number}")
+            seen = seen_as(harness, watching, f"/topic_{number}")
             assert seen.type == harness.types[0]
             assert (seen.qos.reliable, seen.qos.durable) == (qos.reliable, qos.durable)
             assert seen.qos.depth >= 1
@@ -89,61 +98,61 @@ class TopicSideContract:
     def test_a_topic_that_was_there_before_is_seen(
         self, harness: TopicHarness, watching: Watching
     ) -> None:
-        harness.publisher("/early", harness.types[0], _RELIABLE)
+        harness.publisher("/early", harness.types[0], RELIABLE)
         harness.side().start(watching)
-        assert _seen(harness, watching, "/early").type == harness.types[0]
+        assert seen_as(harness, watching, "/early").type == harness.types[0]
 
     @pytest.mark.usefixtures("side")
     def test_a_subscription_alone_makes_no_topic(
         self, harness: TopicHarness, watching: Watching
     ) -> None:
-        harness.subscription("/nobody_speaks", harness.types[0], _RELIABLE)
-        harness.publisher("/mark", harness.types[0], _RELIABLE)
-        _seen(harness, watching, "/mark")
+        harness.subscription("/nobody_speaks", harness.types[0], RELIABLE)
+        harness.publisher("/mark", harness.types[0], RELIABLE)
+        seen_as(harness, watching, "/mark")
         assert "/nobody_speaks" not in watching.topics
 
     @pytest.mark.usefixtures("side")
     def test_a_topic_is_gone_with_its_last_publisher_and_not_before(
         self, harness: TopicHarness, watching: Watching
     ) -> None:
-        peers = [harness.publisher("/topic", harness.types[0], _RELIABLE) for _ in range(2)]
-        _seen(harness, watching, "/topic")
+        peers = [harness.publisher("/topic", harness.types[0], RELIABLE) for _ in range(2)]
+        seen_as(harness, watching, "/topic")
         peers[0].close()
         assert not wait_until(lambda: "/topic" not in watching.topics, harness.quiet_s)
         peers[1].close()
-        _eventually(harness, lambda: "/topic" not in watching.topics, "the topic is gone")
+        eventually(harness, lambda: "/topic" not in watching.topics, "the topic is gone")
 
     @pytest.mark.usefixtures("side")
     def test_a_topic_is_gone_when_its_publisher_crashes(
         self, harness: TopicHarness, watching: Watching
     ) -> None:
-        _needs(harness, "detects_crash")
-        peer = harness.publisher("/topic", harness.types[0], _RELIABLE, mortal=True)
-        _seen(harness, watching, "/topic")
+        needs(harness, "detects_crash")
+        peer = harness.publisher("/topic", harness.types[0], RELIABLE, mortal=True)
+        seen_as(harness, watching, "/topic")
         harness.crash(peer)
-        _eventually(harness, lambda: "/topic" not in watching.topics, "the topic is gone")
+        eventually(harness, lambda: "/topic" not in watching.topics, "the topic is gone")
 
     @pytest.mark.usefixtures("side")
     def test_a_change_of_type_is_told(self, harness: TopicHarness, watching: Watching) -> None:
         before, after = harness.types
-        peer = harness.publisher("/topic", before, _RELIABLE)
-        assert _seen(harness, watching, "/topic").type == before
+        peer = harness.publisher("/topic", before, RELIABLE)
+        assert seen_as(harness, watching, "/topic").type == before
         peer.close()
-        harness.publisher("/topic", after, _RELIABLE)
-        _eventually(harness, lambda: _type(watching, "/topic") == after, "the new type is told")
+        harness.publisher("/topic", after, RELIABLE)
+        eventually(harness, lambda: type_of(watching, "/topic") == after, "the new type is told")
 
     @pytest.mark.usefixtures("side")
     def test_a_change_of_qos_is_told(self, harness: TopicHarness, watching: Watching) -> None:
-        harness.publisher("/topic", harness.types[0], _RELIABLE)
-        assert _seen(harness, watching, "/topic").qos.reliable
+        harness.publisher("/topic", harness.types[0], RELIABLE)
+        assert seen_as(harness, watching, "/topic").qos.reliable
         weaker = harness.publisher("/topic", harness.types[0], _BEST_EFFORT)
-        _eventually(
+        eventually(
             harness,
             lambda: "/topic" in watching.topics and not watching.topics["/topic"].qos.reliable,
             "a best-effort publisher has come: no reliable subscription would hear it",
         )
         weaker.close()
-        _eventually(
+        eventually(
             harness,
             lambda: "/topic" in watching.topics and watching.topics["/topic"].qos.reliable,
             "it has gone",
@@ -154,27 +163,27 @@ class TopicSideContract:
         self, harness: TopicHarness, watching: Watching
     ) -> None:
         harness.publisher("/topic", harness.types[0], _DURABLE)
-        assert _seen(harness, watching, "/topic").qos.durable
-        harness.publisher("/topic", harness.types[0], _RELIABLE)
-        _eventually(harness, lambda: not watching.topics["/topic"].qos.durable, "volatile now")
+        assert seen_as(harness, watching, "/topic").qos.durable
+        harness.publisher("/topic", harness.types[0], RELIABLE)
+        eventually(harness, lambda: not watching.topics["/topic"].qos.durable, "volatile now")
 
     @pytest.mark.usefixtures("side")
     def test_what_does_not_change_is_told_once(
         self, harness: TopicHarness, watching: Watching
     ) -> None:
-        harness.publisher("/topic", harness.types[0], _RELIABLE)
-        _seen(harness, watching, "/topic")
-        harness.publisher("/other", harness.types[0], _RELIABLE)
-        _seen(harness, watching, "/other")
+        harness.publisher("/topic", harness.types[0], RELIABLE)
+        seen_as(harness, watching, "/topic")
+        harness.publisher("/other", harness.types[0], RELIABLE)
+        seen_as(harness, watching, "/other")
         assert [topic for topic, _ in watching.tellings].count("/topic") == 1
 
     def test_what_the_side_publishes_itself_is_no_topic(
         self, harness: TopicHarness, side: TopicSide, watching: Watching
     ) -> None:
-        side.create_publisher(_publisher(harness, 1, "/ours"))
-        _eventually(harness, lambda: watching.last_match(1) is not None, "it is made")
-        harness.publisher("/mark", harness.types[0], _RELIABLE)
-        _seen(harness, watching, "/mark")
+        side.create_publisher(new_publisher(harness, 1, "/ours"))
+        eventually(harness, lambda: watching.last_match(1) is not None, "it is made")
+        harness.publisher("/mark", harness.types[0], RELIABLE)
+        seen_as(harness, watching, "/mark")
         assert not wait_until(lambda: "/ours" in watching.topics, harness.quiet_s)
 
     # Messages in
@@ -183,10 +192,10 @@ class TopicSideContract:
     def test_a_message_arrives_byte_for_byte_with_its_stamp(
         self, harness: TopicHarness, side: TopicSide, watching: Watching, body: bytes
     ) -> None:
-        peer = _subscribed(harness, side, watching, 1, "/topic")
+        peer = subscribed(harness, side, watching, 1, "/topic")
         told = len(watching.heard)
         peer.publish(harness.message(body))
-        _eventually(harness, lambda: len(watching.heard) > told, "the message comes")
+        eventually(harness, lambda: len(watching.heard) > told, "the message comes")
         heard = watching.heard[told]
         assert heard.handle == 1
         assert heard.payload == harness.message(body)
@@ -196,24 +205,24 @@ class TopicSideContract:
     def test_messages_arrive_all_and_in_order(
         self, harness: TopicHarness, side: TopicSide, watching: Watching
     ) -> None:
-        peer = _subscribed(harness, side, watching, 1, "/topic")
+        peer = subscribed(harness, side, watching, 1, "/topic")
         told = len(watching.heard)
         sent = [harness.message(b"%d" % number) for number in range(50)]
         for payload in sent:
             peer.publish(payload)
-        _eventually(harness, lambda: len(watching.heard) >= told + 50, "all messages come")
+        eventually(harness, lambda: len(watching.heard) >= told + 50, "all messages come")
         assert [one.payload for one in watching.heard[told:]] == sent
 
     def test_nothing_arrives_that_is_not_subscribed_to(
         self, harness: TopicHarness, side: TopicSide, watching: Watching
     ) -> None:
-        silent = harness.publisher("/silent", harness.types[0], _RELIABLE)
-        _seen(harness, watching, "/silent")
+        silent = harness.publisher("/silent", harness.types[0], RELIABLE)
+        seen_as(harness, watching, "/silent")
         silent.publish(harness.message(b"not asked for"))
-        peer = _subscribed(harness, side, watching, 1, "/topic")
+        peer = subscribed(harness, side, watching, 1, "/topic")
         silent.publish(harness.message(b"not asked for"))
         peer.publish(harness.message(b"asked for"))
-        _eventually(
+        eventually(
             harness,
             lambda: harness.message(b"asked for") in watching.payloads(1),
             "the message that was asked for comes",
@@ -223,14 +232,14 @@ class TopicSideContract:
     def test_nothing_arrives_after_the_subscription_has_ended(
         self, harness: TopicHarness, side: TopicSide, watching: Watching
     ) -> None:
-        ending = _subscribed(harness, side, watching, 1, "/ending")
-        staying = _subscribed(harness, side, watching, 2, "/staying")
+        ending = subscribed(harness, side, watching, 1, "/ending")
+        staying = subscribed(harness, side, watching, 2, "/staying")
         side.unsubscribe(1)
         wait_until(lambda: False, harness.quiet_s / 3)
         told = len(watching.payloads(1))
         ending.publish(harness.message(b"late"))
         staying.publish(harness.message(b"mark"))
-        _eventually(
+        eventually(
             harness, lambda: harness.message(b"mark") in watching.payloads(2), "the mark comes"
         )
         assert not wait_until(lambda: len(watching.payloads(1)) > told, harness.quiet_s)
@@ -239,38 +248,38 @@ class TopicSideContract:
         self, harness: TopicHarness, side: TopicSide, watching: Watching
     ) -> None:
         after, before = harness.types
-        peer = harness.publisher("/topic", before, _RELIABLE)
-        _seen(harness, watching, "/topic")
-        side.subscribe(Subscribe(1, "/topic", before, _RELIABLE))
+        peer = harness.publisher("/topic", before, RELIABLE)
+        seen_as(harness, watching, "/topic")
+        side.subscribe(Subscribe(1, "/topic", before, RELIABLE))
         peer.close()
-        _eventually(harness, lambda: "/topic" not in watching.topics, "the old type is gone")
+        eventually(harness, lambda: "/topic" not in watching.topics, "the old type is gone")
         side.unsubscribe(1)
-        _subscribed(harness, side, watching, 2, "/topic")
+        subscribed(harness, side, watching, 2, "/topic")
         assert watching.topics["/topic"].type == after
 
     def test_a_durable_subscription_hears_what_was_said_before(
         self, harness: TopicHarness, side: TopicSide, watching: Watching
     ) -> None:
-        _needs(harness, "latches")
+        needs(harness, "latches")
         peer = harness.publisher("/map", harness.types[0], _DURABLE)
         peer.publish(harness.message(b"latched"))
-        _seen(harness, watching, "/map")
+        seen_as(harness, watching, "/map")
         side.subscribe(Subscribe(1, "/map", harness.types[0], _DURABLE))
-        _eventually(
+        eventually(
             harness, lambda: watching.payloads(1) == [harness.message(b"latched")], "it is told"
         )
 
     def test_what_the_side_publishes_does_not_come_back(
         self, harness: TopicHarness, side: TopicSide, watching: Watching
     ) -> None:
-        peer = _subscribed(harness, side, watching, 1, "/both")
-        other = harness.subscription("/both", harness.types[0], _RELIABLE)
-        side.create_publisher(_publisher(harness, 2, "/both"))
-        _matched(harness, watching, 2)
-        side.publish(Publish(2, harness.message(b"ours"), 0, _FIRST, 1))
-        _eventually(harness, lambda: harness.message(b"ours") in other.received(), "others hear it")
+        peer = subscribed(harness, side, watching, 1, "/both")
+        other = harness.subscription("/both", harness.types[0], RELIABLE)
+        side.create_publisher(new_publisher(harness, 2, "/both"))
+        is_matched(harness, watching, 2)
+        side.publish(Publish(2, harness.message(b"ours"), 0, FIRST, 1))
+        eventually(harness, lambda: harness.message(b"ours") in other.received(), "others hear it")
         peer.publish(harness.message(b"theirs"))
-        _eventually(
+        eventually(
             harness, lambda: harness.message(b"theirs") in watching.payloads(1), "theirs comes"
         )
         assert harness.message(b"ours") not in watching.payloads(1)
@@ -280,33 +289,33 @@ class TopicSideContract:
     def test_what_another_relay_publishes_comes_with_who_took_it_first_and_its_hops(
         self, harness: TopicHarness, side: TopicSide, watching: Watching
     ) -> None:
-        _needs(harness, "tells_relays")
+        needs(harness, "tells_relays")
         other, others = harness.side(), Watching()
         other.start(others)
-        other.create_publisher(_publisher(harness, 1, "/relayed"))
-        _seen(harness, watching, "/relayed")
-        side.subscribe(Subscribe(7, "/relayed", harness.types[0], _RELIABLE))
-        _matched(harness, others, 1)
-        for first, hop in ((_FIRST, 1), (_OTHER_FIRST, 1), (_FIRST, 2)):
+        other.create_publisher(new_publisher(harness, 1, "/relayed"))
+        seen_as(harness, watching, "/relayed")
+        side.subscribe(Subscribe(7, "/relayed", harness.types[0], RELIABLE))
+        is_matched(harness, others, 1)
+        for first, hop in ((FIRST, 1), (_OTHER_FIRST, 1), (FIRST, 2)):
             payload = harness.message(b"%x %d" % (first, hop))
             other.publish(Publish(1, payload, 0, first, hop))
-        _eventually(harness, lambda: len(watching.payloads(7)) == 3, "all three come")
+        eventually(harness, lambda: len(watching.payloads(7)) == 3, "all three come")
         assert {(one.payload, one.first, one.hop) for one in watching.heard} == {
             (harness.message(b"%x %d" % pair), *pair)
-            for pair in ((_FIRST, 1), (_OTHER_FIRST, 1), (_FIRST, 2))
+            for pair in ((FIRST, 1), (_OTHER_FIRST, 1), (FIRST, 2))
         }
 
     def test_messages_of_one_publisher_stay_in_order_whoever_took_them_first(
         self, harness: TopicHarness, side: TopicSide, watching: Watching
     ) -> None:
-        peer = harness.subscription("/mixed", harness.types[0], _RELIABLE)
-        side.create_publisher(_publisher(harness, 1, "/mixed"))
-        _matched(harness, watching, 1)
+        peer = harness.subscription("/mixed", harness.types[0], RELIABLE)
+        side.create_publisher(new_publisher(harness, 1, "/mixed"))
+        is_matched(harness, watching, 1)
         sent = [harness.message(b"%d" % number) for number in range(9)]
         for number, payload in enumerate(sent):
-            first = (_FIRST, _FIRST, _OTHER_FIRST)[number % 3]
+            first = (FIRST, FIRST, _OTHER_FIRST)[number % 3]
             side.publish(Publish(1, payload, 0, first, 1))
-        _eventually(harness, lambda: len(peer.received()) >= 9, "all messages come")
+        eventually(harness, lambda: len(peer.received()) >= 9, "all messages come")
         assert peer.received() == sent
 
     # Publishers
@@ -314,105 +323,105 @@ class TopicSideContract:
     def test_a_publisher_that_nobody_hears_is_told_so(
         self, harness: TopicHarness, side: TopicSide, watching: Watching
     ) -> None:
-        side.create_publisher(_publisher(harness, 1, "/alone"))
-        _eventually(harness, lambda: watching.last_match(1) == (0, 0), "nobody is there")
+        side.create_publisher(new_publisher(harness, 1, "/alone"))
+        eventually(harness, lambda: watching.last_match(1) == (0, 0), "nobody is there")
         assert not watching.failures
 
     def test_who_matches_is_told_as_they_come_and_go(
         self, harness: TopicHarness, side: TopicSide, watching: Watching
     ) -> None:
-        first = harness.subscription("/topic", harness.types[0], _RELIABLE)
-        side.create_publisher(_publisher(harness, 1, "/topic"))
-        _eventually(harness, lambda: watching.last_match(1) == (1, 1), "one is there")
+        first = harness.subscription("/topic", harness.types[0], RELIABLE)
+        side.create_publisher(new_publisher(harness, 1, "/topic"))
+        eventually(harness, lambda: watching.last_match(1) == (1, 1), "one is there")
         second = harness.subscription("/topic", harness.types[0], _BEST_EFFORT)
-        _eventually(harness, lambda: watching.last_match(1) == (2, 2), "two are there")
+        eventually(harness, lambda: watching.last_match(1) == (2, 2), "two are there")
         first.close()
         second.close()
-        _eventually(harness, lambda: watching.last_match(1) == (0, 0), "nobody is there any more")
+        eventually(harness, lambda: watching.last_match(1) == (0, 0), "nobody is there any more")
 
     def test_a_subscription_that_wants_more_than_is_offered_is_not_expected(
         self, harness: TopicHarness, side: TopicSide, watching: Watching
     ) -> None:
-        harness.subscription("/topic", harness.types[0], _RELIABLE)
+        harness.subscription("/topic", harness.types[0], RELIABLE)
         harness.subscription("/topic", harness.types[0], _BEST_EFFORT)
-        side.create_publisher(_publisher(harness, 1, "/topic", _BEST_EFFORT))
-        _eventually(harness, lambda: watching.last_match(1) == (1, 1), "the modest one is there")
+        side.create_publisher(new_publisher(harness, 1, "/topic", _BEST_EFFORT))
+        eventually(harness, lambda: watching.last_match(1) == (1, 1), "the modest one is there")
         assert not wait_until(lambda: watching.last_match(1) != (1, 1), harness.quiet_s)
 
     @pytest.mark.parametrize("body", _BODIES.values(), ids=_BODIES)
     def test_what_is_published_arrives_typed_and_intact(
         self, harness: TopicHarness, side: TopicSide, watching: Watching, body: bytes
     ) -> None:
-        peer = harness.subscription("/topic", harness.types[0], _RELIABLE)
-        side.create_publisher(_publisher(harness, 1, "/topic"))
-        _matched(harness, watching, 1)
-        side.publish(Publish(1, harness.message(body), 0, _FIRST, 1))
-        _eventually(harness, lambda: bool(peer.received()), "the message comes")
+        peer = harness.subscription("/topic", harness.types[0], RELIABLE)
+        side.create_publisher(new_publisher(harness, 1, "/topic"))
+        is_matched(harness, watching, 1)
+        side.publish(Publish(1, harness.message(body), 0, FIRST, 1))
+        eventually(harness, lambda: bool(peer.received()), "the message comes")
         assert peer.received() == [harness.message(body)]
 
     def test_a_durable_publisher_serves_who_comes_late_with_its_last_messages(
         self, harness: TopicHarness, side: TopicSide, watching: Watching
     ) -> None:
-        _needs(harness, "latches")
-        side.create_publisher(_publisher(harness, 1, "/map", _DURABLE))
-        _eventually(harness, lambda: watching.last_match(1) is not None, "it is made")
+        needs(harness, "latches")
+        side.create_publisher(new_publisher(harness, 1, "/map", _DURABLE))
+        eventually(harness, lambda: watching.last_match(1) is not None, "it is made")
         sent = [harness.message(b"%d" % number) for number in range(5)]
         for payload in sent:
-            side.publish(Publish(1, payload, 0, _FIRST, 1))
+            side.publish(Publish(1, payload, 0, FIRST, 1))
         late = harness.subscription("/map", harness.types[0], _DURABLE)
-        _eventually(harness, lambda: len(late.received()) >= 3, "the last three come")
+        eventually(harness, lambda: len(late.received()) >= 3, "the last three come")
         assert not wait_until(lambda: len(late.received()) > 3, harness.quiet_s)
         assert late.received() == sent[-3:]
 
     def test_a_publisher_that_cannot_be_made_is_told_with_a_reason(
         self, harness: TopicHarness, side: TopicSide, watching: Watching
     ) -> None:
-        _needs(harness, "refuses_types")
+        needs(harness, "refuses_types")
         for handle, bad in enumerate(harness.bad_types, 1):
-            side.create_publisher(CreatePublisher(handle, f"/topic_{handle}", bad, _RELIABLE, 1))
-            _eventually(harness, partial(_failed, watching, handle), f"{bad} is refused")
+            side.create_publisher(CreatePublisher(handle, f"/topic_{handle}", bad, RELIABLE, 1))
+            eventually(harness, partial(failed, watching, handle), f"{bad} is refused")
             assert len(dict(watching.failures)[handle]) > 10
-            side.publish(Publish(handle, harness.message(b"x"), 0, _FIRST, 1))
+            side.publish(Publish(handle, harness.message(b"x"), 0, FIRST, 1))
             side.destroy_publisher(handle)
         assert not watching.matches
 
     def test_a_refused_publisher_is_no_trouble_for_others(
         self, harness: TopicHarness, side: TopicSide, watching: Watching
     ) -> None:
-        _needs(harness, "refuses_types")
-        peer = harness.subscription("/topic", harness.types[0], _RELIABLE)
-        side.create_publisher(CreatePublisher(1, "/bad", harness.bad_types[0], _RELIABLE, 1))
-        side.create_publisher(_publisher(harness, 2, "/topic"))
-        _matched(harness, watching, 2)
-        side.publish(Publish(2, harness.message(b"fine"), 0, _FIRST, 1))
-        _eventually(harness, lambda: peer.received() == [harness.message(b"fine")], "it comes")
+        needs(harness, "refuses_types")
+        peer = harness.subscription("/topic", harness.types[0], RELIABLE)
+        side.create_publisher(CreatePublisher(1, "/bad", harness.bad_types[0], RELIABLE, 1))
+        side.create_publisher(new_publisher(harness, 2, "/topic"))
+        is_matched(harness, watching, 2)
+        side.publish(Publish(2, harness.message(b"fine"), 0, FIRST, 1))
+        eventually(harness, lambda: peer.received() == [harness.message(b"fine")], "it comes")
 
     def test_what_was_published_goes_out_before_the_publisher_ends(
         self, harness: TopicHarness, side: TopicSide, watching: Watching
     ) -> None:
-        _needs(harness, "acknowledges")
-        peer = harness.subscription("/topic", harness.types[0], _RELIABLE)
-        side.create_publisher(_publisher(harness, 1, "/topic"))
-        _matched(harness, watching, 1)
+        needs(harness, "acknowledges")
+        peer = harness.subscription("/topic", harness.types[0], RELIABLE)
+        side.create_publisher(new_publisher(harness, 1, "/topic"))
+        is_matched(harness, watching, 1)
         sent = [harness.message(b"%d" % number) for number in range(20)]
         for payload in sent:
-            side.publish(Publish(1, payload, 0, _FIRST, 1))
+            side.publish(Publish(1, payload, 0, FIRST, 1))
         within(CLOSE_WITHIN_S, lambda: side.destroy_publisher(1))
-        _eventually(harness, lambda: len(peer.received()) >= 20, "all came")
+        eventually(harness, lambda: len(peer.received()) >= 20, "all came")
         assert peer.received() == sent
 
     def test_a_publisher_gives_way_to_one_of_another_type(
         self, harness: TopicHarness, side: TopicSide, watching: Watching
     ) -> None:
         known, other = harness.types
-        side.create_publisher(CreatePublisher(1, "/topic", other, _RELIABLE, _FIRST))
-        _eventually(harness, lambda: watching.last_match(1) is not None, "the first is made")
+        side.create_publisher(CreatePublisher(1, "/topic", other, RELIABLE, FIRST))
+        eventually(harness, lambda: watching.last_match(1) is not None, "the first is made")
         side.destroy_publisher(1)
-        side.create_publisher(CreatePublisher(2, "/topic", known, _RELIABLE, _FIRST))
-        peer = harness.subscription("/topic", known, _RELIABLE)
-        _matched(harness, watching, 2)
-        side.publish(Publish(2, harness.message(b"new"), 0, _FIRST, 1))
-        _eventually(harness, lambda: peer.received() == [harness.message(b"new")], "it comes")
+        side.create_publisher(CreatePublisher(2, "/topic", known, RELIABLE, FIRST))
+        peer = harness.subscription("/topic", known, RELIABLE)
+        is_matched(harness, watching, 2)
+        side.publish(Publish(2, harness.message(b"new"), 0, FIRST, 1))
+        eventually(harness, lambda: peer.received() == [harness.message(b"new")], "it comes")
         assert not watching.failures
 
     # Closing
@@ -420,13 +429,13 @@ class TopicSideContract:
     def test_it_closes_in_time_twice_and_is_silent_afterwards(
         self, harness: TopicHarness, side: TopicSide, watching: Watching
     ) -> None:
-        peer = _subscribed(harness, side, watching, 1, "/topic")
-        side.create_publisher(_publisher(harness, 2, "/out"))
-        _eventually(harness, lambda: watching.last_match(2) is not None, "it is made")
+        peer = subscribed(harness, side, watching, 1, "/topic")
+        side.create_publisher(new_publisher(harness, 2, "/out"))
+        eventually(harness, lambda: watching.last_match(2) is not None, "it is made")
         within(CLOSE_WITHIN_S, side.close)
         calls = watching.calls
         peer.publish(harness.message(b"late"))
-        harness.publisher("/late", harness.types[0], _RELIABLE)
+        harness.publisher("/late", harness.types[0], RELIABLE)
         assert not wait_until(lambda: watching.calls > calls, harness.quiet_s)
         within(CLOSE_WITHIN_S, side.close)
 
@@ -436,12 +445,12 @@ class TopicSideContract:
     def test_it_closes_in_the_middle_of_traffic(
         self, harness: TopicHarness, side: TopicSide, watching: Watching
     ) -> None:
-        peer = _subscribed(harness, side, watching, 1, "/topic")
+        peer = subscribed(harness, side, watching, 1, "/topic")
         done = threading.Event()
-        speaking = threading.Thread(target=_speak, args=(peer, harness.message(b"x"), done))
+        speaking = threading.Thread(target=speak, args=(peer, harness.message(b"x"), done))
         speaking.start()
         try:
-            _eventually(harness, lambda: len(watching.heard) > 20, "traffic flows")
+            eventually(harness, lambda: len(watching.heard) > 20, "traffic flows")
             within(CLOSE_WITHIN_S, side.close)
             calls = watching.calls
             assert not wait_until(lambda: watching.calls > calls, harness.quiet_s)
@@ -453,22 +462,22 @@ class TopicSideContract:
         self, harness: TopicHarness, side: TopicSide
     ) -> None:
         side.close()
-        side.subscribe(Subscribe(1, "/topic", harness.types[0], _RELIABLE))
+        side.subscribe(Subscribe(1, "/topic", harness.types[0], RELIABLE))
         side.unsubscribe(1)
-        side.create_publisher(_publisher(harness, 2, "/topic"))
-        side.publish(Publish(2, harness.message(b"x"), 0, _FIRST, 1))
+        side.create_publisher(new_publisher(harness, 2, "/topic"))
+        side.publish(Publish(2, harness.message(b"x"), 0, FIRST, 1))
         side.destroy_publisher(2)
 
     def test_what_nobody_knows_is_no_mistake(self, harness: TopicHarness, side: TopicSide) -> None:
         side.unsubscribe(99)
-        side.publish(Publish(99, harness.message(b"x"), 0, _FIRST, 1))
+        side.publish(Publish(99, harness.message(b"x"), 0, FIRST, 1))
         side.destroy_publisher(99)
 
     def test_its_methods_return_while_the_watcher_is_being_told(
         self, harness: TopicHarness, side: TopicSide, watching: Watching
     ) -> None:
         """A watcher may wait for who is calling the side: that must not be for ever."""
-        peer = _subscribed(harness, side, watching, 1, "/topic")
+        peer = subscribed(harness, side, watching, 1, "/topic")
         entered, release = threading.Event(), threading.Event()
 
         def hold() -> None:
@@ -479,78 +488,8 @@ class TopicSideContract:
         peer.publish(harness.message(b"x"))
         try:
             assert entered.wait(harness.patience_s)
-            within(CLOSE_WITHIN_S, lambda: side.publish(_nothing(harness)))
+            within(CLOSE_WITHIN_S, lambda: side.publish(nothing(harness)))
             within(CLOSE_WITHIN_S, lambda: side.unsubscribe(1))
         finally:
             watching.hook = None
             release.set()
-
-
-def _needs(harness: TopicHarness, capability: str) -> None:
-    if not getattr(harness.capabilities, capability):
-        pytest.skip(f"the network lacks the capability {capability}")
-
-
-def _eventually(harness: TopicHarness, predicate: Callable[[], Any], what: str) -> None:
-    in_time = wait_until(predicate, harness.patience_s)
-    assert in_time, f"did not happen within {harness.patience_s} s: {what}"
-
-
-def _seen(harness: TopicHarness, watching: Watching, topic: str) -> SeenTopic:
-    _eventually(harness, lambda: topic in watching.topics, f"{topic} is seen")
-    return watching.topics[topic]
-
-
-def _type(watching: Watching, topic: str) -> object:
-    seen = watching.topics.get(topic)
-    return seen and seen.type
-
-
-def _failed(watching: Watching, handle: int) -> bool:
-    return handle in dict(watching.failures)
-
-
-def _publisher(
-    harness: TopicHarness, handle: int, topic: str, qos: Qos = _RELIABLE
-) -> CreatePublisher:
-    return CreatePublisher(handle, topic, harness.types[0], qos, _FIRST)
-
-
-def _nothing(harness: TopicHarness) -> Publish:
-    return Publish(98, harness.message(b"x"), 0, _FIRST, 1)
-
-
-def _matched(harness: TopicHarness, watching: Watching, handle: int) -> None:
-    """Somebody is there, and all who should be have matched."""
-
-    def all_there() -> bool:
-        told = watching.last_match(handle)
-        return told is not None and 0 < told[1] <= told[0]
-
-    _eventually(harness, all_there, f"publisher {handle} is matched")
-
-
-def _subscribed(
-    harness: TopicHarness, side: TopicSide, watching: Watching, handle: int, topic: str
-) -> PeerPublisher:
-    """A peer's publisher that the side's subscription hears from now on."""
-    peer = harness.publisher(topic, harness.types[0], _RELIABLE)
-    _seen(harness, watching, topic)
-    side.subscribe(Subscribe(handle, topic, harness.types[0], _RELIABLE))
-    mark = harness.message(b"are you there?")
-
-    def heard() -> bool:
-        peer.publish(mark)
-        return bool(watching.payloads(handle))
-
-    _eventually(harness, heard, f"{topic} is heard")
-    told = 0
-    while told != (told := len(watching.heard)):
-        wait_until(lambda: False, harness.quiet_s / 3)
-    return peer
-
-
-def _speak(peer: PeerPublisher, payload: bytes, done: threading.Event) -> None:
-    with suppress(Exception):
-        while not done.wait(0.002):
-            peer.publish(payload)
