@@ -84,7 +84,8 @@ class Directory:
             {stored.hint.entity_id: stored for stored in listener.store.changes_since(0).hints}
             for listener in self._listeners
         ]
-        finders = (self._departures.last, *[one.get for one in heard])
+        finders: list[Callable[[str], object]] = [self._departures.last]
+        finders += [one.get for one in heard]
         return lambda entity_id: tuple([find(entity_id) for find in finders])
 
     def beacon(self, entity_id: str) -> Beacon | None:

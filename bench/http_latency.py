@@ -42,6 +42,8 @@ STREAMS = 100
 RATE = 1_000.0
 CONNECTIONS = 16
 HEARD_WITHIN_S = 60.0
+P99_MS = 5.0
+"""What is promised, on a machine that is free for it."""
 
 FLEET = """
 import sys, time, zenoh
@@ -75,15 +77,18 @@ def main() -> None:
     conditions = f"{ENTITIES} hints each {EACH_S:g} s, {STREAMS} streams"
     report = Report(f"{RATE:g} requests a second, {conditions}")
     for changing in (0, 1):
-        report.line(f"{changing} of 100 hints with another word")
+        load = os.getloadavg()[0]
+        report.line(f"{changing} of 100 hints with another word (load before: {load:.1f})")
         clients = measured(changing, turns, seconds)
         for share in (50, 99):
             ours_ms, bare_ms = (one.percentile_ms(share) for one in clients)
             report.line(f"  p{share}: {ours_ms:.2f} ms, bare {bare_ms:.2f} ms")
             report.ratio(f"  p{share}, gateway / bare", ours_ms / bare_ms)
+        report.ratio(f"  p99 / {P99_MS:g} ms", clients[0].percentile_ms(99) / P99_MS, 1.0)
         for name, one in zip(("gateway", "bare"), clients, strict=True):
-            late = sum(took > 5 for took in one.took_ms) / len(one.took_ms)
-            report.line(f"  answers that took more than 5 ms, {name}: {late:.2%}")
+            late = sum(took > P99_MS for took in one.took_ms) / len(one.took_ms)
+            report.line(f"  answers that took more than {P99_MS:g} ms, {name}: {late:.2%}")
+    report.finish(check=asked.check)
 
 
 def measured(changing: int, turns: int, seconds: float) -> tuple[Client, Client]:
