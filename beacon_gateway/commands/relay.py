@@ -11,7 +11,6 @@ from time import monotonic, sleep
 from typing import Any
 from urllib.parse import quote
 
-import httpx
 from rich.live import Live
 
 from beacon_core.errors import BeaconError, ConfigError
@@ -115,6 +114,8 @@ def _check(arguments: argparse.Namespace) -> int:
 def _status(arguments: argparse.Namespace) -> int:
     with GatewayClient(arguments.url) as client:
         told = _asked(client, _PATH)
+        if not told["ends"]:
+            raise Fault(f"{client.url} runs no relay; name one with --url")
         if arguments.watch is None:
             _print(told, relay_view, as_json=arguments.json)
         else:
@@ -191,8 +192,6 @@ def _asked(client: GatewayClient, path: str) -> dict[str, Any]:
     answer = client.get(path)
     if not answer.ok:
         told = printable(str(answer.body.get("message", "")))
-        if answer.status == httpx.codes.NOT_FOUND:
-            told = "it runs no relay; name one with --url"
         raise Unreachable(f"{client.url}: {told or f'HTTP {answer.status}'}")
     return answer.body
 

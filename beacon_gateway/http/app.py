@@ -80,9 +80,8 @@ def _routes(gateway: Gateway, access: Access, kept: Snapshots) -> list[BaseRoute
     overview = server.overview_route(gateway, [*endpoints, *docs.ENDPOINTS])
     described = [*operations, overview.operation, *besides.operations(access)]
     # The document comes before the entities: /apps/docs is about apps, not one of them.
-    relay = relay_routes(gateway.relay) if gateway.relay is not None else []
     documented = [*docs.routes(gateway, described), *families, overview]
-    return [*hot, *relay, *documented, *metrics.routes(gateway)]
+    return [*hot, *relay_routes(gateway.relay), *documented, *metrics.routes(gateway)]
 
 
 def _refuse(_: Request, error: Exception) -> Response:

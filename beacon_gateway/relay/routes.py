@@ -32,11 +32,15 @@ def create_relay_app(relay: Relay) -> Starlette:
     return Starlette(routes=[*relay_routes(relay), Route("/metrics", metrics)])
 
 
-def relay_routes(relay: Relay) -> list[Route]:
-    """The two routes; each answers in a thread, since an end may be busy for a moment."""
+def relay_routes(relay: Relay | None) -> list[Route]:
+    """The two routes; each answers in a thread, since an end may be busy for a moment.
+
+    Without a relay they tell of no ends: so who asks now and then, is not answered with errors.
+    """
 
     def told(_: Request) -> Response:
-        return Response(to_json(report(relay)), media_type=JSON)
+        body = {"ends": []} if relay is None else report(relay)
+        return Response(to_json(body), media_type=JSON)
 
     def explain(request: Request) -> Response:
         topic = request.query_params.get("topic", "")
@@ -44,6 +48,7 @@ def relay_routes(relay: Relay) -> list[Route]:
             reason = "topic: give the full name of a topic, such as ?topic=/camera/image"
             body = {"error_code": "invalid-parameter", "message": reason}
             return Response(to_json(body), 400, media_type=JSON)
-        return Response(to_json(explained(relay, topic)), media_type=JSON)
+        found = {"topic": topic, "ends": []} if relay is None else explained(relay, topic)
+        return Response(to_json(found), media_type=JSON)
 
     return [Route(RELAY_PATH, told), Route(f"{RELAY_PATH}/explain", explain)]

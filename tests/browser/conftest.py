@@ -10,6 +10,7 @@ import uuid
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import attrs
@@ -19,14 +20,23 @@ import pytest
 from beacon_core.clock import SystemClock
 from beacon_core.hint import BeaconHint
 from beacon_core.ports.adapter import Adapter
+from beacon_core.ports.relaying import (
+    CONDUIT_GROUP,
+    NETWORK_GROUP,
+    ConduitAdapter,
+    NetworkAdapter,
+)
 from beacon_fake import ADAPTER, FakeAnnouncer, FakeNetwork, share_network, unshare_network
+from beacon_fake.topic_side import FakeTopics
 from beacon_gateway.access.api_tokens import ApiToken, Identity
 from beacon_gateway.access.roles import Role
 from beacon_gateway.access.secrets import hash_token, new_token
 from beacon_gateway.config import parse_config
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.http import create_app
+from beacon_gateway.relay import config as relay_config
 from beacon_gateway.server import HttpServer
+from beacon_local import CONDUIT as LOCAL
 
 WITHIN_MS = 20_000
 """How long a page may take for anything, on a busy machine."""
@@ -84,7 +94,10 @@ class Stage:
 
 @contextmanager
 def staged(
-    entities: dict[str, Any] | None = None, http: dict[str, Any] | None = None, **settings: Any
+    entities: dict[str, Any] | None = None,
+    http: dict[str, Any] | None = None,
+    more: dict[str, Any] | None = None,
+    **settings: Any,
 ) -> Iterator[Stage]:
     clock, run, stop = SystemClock(), uuid.uuid4().hex, threading.Event()
     networks = {name: FakeNetwork(clock) for name in ("topic", "zenoh")}
@@ -105,6 +118,7 @@ def staged(
                 "entities": entities or {},
                 "http": http or {},
                 "log_level": "error",
+                **(more or {}),
             },
             lookup,
         ).config,
@@ -159,6 +173,54 @@ def patient_stage() -> Iterator[Stage]:
     """Whose entities stay as they are for as long as a test takes."""
     with staged(ttl_s=300.0, expiry_s=3000.0, source_rate=1e6, global_rate=1e6) as made:
         yield made
+
+
+@attrs.frozen
+class Memory:
+    """Which of a test's networks in memory."""
+
+    name: str
+
+
+@attrs.frozen
+class RelayingStage:
+    """A gateway that relays from ``robot`` to ``site``."""
+
+    stage: Stage
+    robot: FakeTopics
+    site: FakeTopics
+
+
+@pytest.fixture
+def relaying_stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[RelayingStage]:
+    networks = {"robot": FakeTopics(), "site": FakeTopics()}
+    adapters: dict[str, NetworkAdapter | ConduitAdapter] = {
+        NETWORK_GROUP: NetworkAdapter(
+            "memory", Memory, lambda one: networks[one.name].side(), lambda one: one.name
+        ),
+        CONDUIT_GROUP: LOCAL,
+    }
+
+    def points(*, group: str) -> list[Any]:
+        adapter = adapters[group]
+        return [SimpleNamespace(name=adapter.name, load=lambda: adapter)]
+
+    monkeypatch.setattr(relay_config, "entry_points", points)
+    conduit = {"adapter": "local", "options": {"name": uuid.uuid4().hex}}
+    ends = {
+        name: {
+            "network": {"adapter": "memory", "options": {"name": name}},
+            "conduit": conduit,
+            **does,
+        }
+        for name, does in (
+            ("robot", {"forward": [{"deny": "/secret"}, {"allow": "/**", "to": "/amr_01/**"}]}),
+            ("site", {"republish": True}),
+        )
+    }
+    document = {"ends": ends, "state_folder": str(tmp_path)}
+    with staged(more={"relay": document}, ttl_s=3.0, expiry_s=12.0) as made:
+        yield RelayingStage(made, networks["robot"], networks["site"])
 
 
 @attrs.frozen

@@ -3,6 +3,7 @@
 import { counter, duration, say } from './dom.js';
 import { Drawer } from './drawer.js';
 import { Model } from './model.js';
+import { Relay } from './relay.js';
 import { Events, Sources } from './side.js';
 import { Stream } from './stream.js';
 import { Table } from './table.js';
@@ -44,6 +45,7 @@ const sources = new Sources(at('sources'), {
   expired: tile('expired'), rejected: tile('rejected'), limited: tile('limited'),
   fill: at('fill'), fillText: at('fill-text'),
 });
+const relay = new Relay(document.querySelector('.panel.relay'), at('relay'));
 const drawer = new Drawer(model, {
   node: at('drawer'), title: at('drawer-title'), detail: at('detail'), close: at('close'),
   ask: (query) => ask(`x-medkit-beacon${query}`),
@@ -170,6 +172,8 @@ async function health() {
   if (!ours) return;
   say(at('uptime'), `up ${duration(ours.uptime_sec)}`);
   sources.draw(ours, model.sources);
+  const told = await ask('x-beacon-relay');
+  if (told) relay.draw(told);
 }
 
 function route() {

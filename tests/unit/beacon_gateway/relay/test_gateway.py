@@ -76,7 +76,7 @@ def test_without_a_relay_it_says_so(
         thread = threading.Thread(target=server.serve, args=(create_app(gateway),))
         thread.start()
         assert cli.main(["relay", "status", "--url", server.url]) == Exit.FAILED
-        assert "it runs no relay; name one with --url" in capsys.readouterr().err
+        assert "runs no relay; name one with --url" in capsys.readouterr().err
         server.stop()
         thread.join(5)
 
