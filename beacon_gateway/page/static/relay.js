@@ -47,7 +47,8 @@ export class Relay {
     const sum = (pick) => books.reduce((all, one) => all + pick(one), 0);
     const messages = sum((one) => one.messages);
     item.node.dataset.condition = end.link;
-    say(item.condition, `link ${end.link} for ${duration(end.link_since_sec)}`);
+    say(item.condition, `link ${end.link}`);
+    item.condition.title = `for ${duration(end.link_since_sec)}`;
     const facts = [this.rate(item, messages, at), count(messages), count(sum((one) => one.held)),
       count(sum((one) => total(one.ended, true))), count(sum((one) => total(one.ended, false))),
       count(sum((one) => one.missing ?? 0))];
