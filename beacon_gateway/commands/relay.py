@@ -33,7 +33,7 @@ __all__ = ["parser", "run"]
 
 _log = logging.getLogger(__name__)
 
-DEFAULT_URL = "http://127.0.0.1:8090"
+_DEFAULT_URL = "http://127.0.0.1:8090"
 """Where ``beacon relay`` tells how it is unless told otherwise."""
 
 _PATH = "/x-beacon-relay"
@@ -59,7 +59,7 @@ def parser() -> argparse.ArgumentParser:
         "--trace", type=Path, metavar="FILE", help="run: write all that happens to this file"
     )
     made.add_argument(
-        "--url", default=DEFAULT_URL, help="status, explain: the relay, or a gateway with one"
+        "--url", default=_DEFAULT_URL, help="status, explain: the relay, or a gateway with one"
     )
     made.add_argument(
         "--watch", type=seconds, nargs="?", const=1.0, metavar="S", help="status: again and again"
