@@ -196,14 +196,15 @@ class Forwarder(Machine[int]):
         """They do not any more: nothing is sent until the next :meth:`link_up`."""
         self._at(now_ns)
         self._linked = False
-        self._alarms.cancel(_DIGEST)
-        self._alarms.cancel(_OUTLET)
-        self._alarms.cancel(_HELLO)
+        for alarm in (_DIGEST, _OUTLET, _HELLO):
+            self._alarms.cancel(alarm)
         self._hellos.clear()
         for number, route in self._routes.items():
             # What nobody can have heard of stays until somebody may have.
             self._alarms.cancel(number)
             self._outlet.remove(route.waiting)
+            if route.mode is Mode.BEST_EFFORT:
+                self._drop_below(route, route.history.next, Fate.UNLINKED)
         return self._done()
 
     # -- time
@@ -292,8 +293,7 @@ class Forwarder(Machine[int]):
 
     def _remove(self, route: Route) -> None:
         self._outlet.remove(route.waiting)
-        while len(route.history):
-            self._drop_oldest(route, Fate.WITHDRAWN)
+        self._drop_below(route, route.history.next, Fate.WITHDRAWN)
         del self._routes[route.number]
         self._past.add(route.ledger)
         self._reconsider()
@@ -346,6 +346,9 @@ class Forwarder(Machine[int]):
                 waiting.spend(len(kept.header) + len(kept.payload), self._now_ns)
             route.changed_ns = self._now_ns
             self._send_content(kept)
+            if route.mode is Mode.BEST_EFFORT:
+                # It was kept only for as long as it had to wait.
+                self._drop_below(route, kept.seq + 1, Fate.EVICTED)
         due_ns = self._outlet.due_ns()
         if due_ns is None:
             self._alarms.cancel(_OUTLET)
@@ -354,9 +357,11 @@ class Forwarder(Machine[int]):
 
     def _expire(self, route: Route) -> None:
         """Let go what is too old."""
-        fresh_from = route.waiting.fresh_from(self._now_ns)
-        while route.history.low < fresh_from:
-            self._drop_oldest(route, Fate.EXPIRED)
+        self._drop_below(route, route.waiting.fresh_from(self._now_ns), Fate.EXPIRED)
+
+    def _drop_below(self, route: Route, seq: int, unsent: Fate) -> None:
+        while route.history.low < seq:
+            self._drop_oldest(route, unsent)
 
     def _make_room(self, route: Route) -> None:
         while self._held_bytes > self._settings.hold_bytes:
@@ -442,13 +447,10 @@ class Forwarder(Machine[int]):
         if not self._linked:
             return
         route.told_ns = self._now_ns
+        head = (self._origin, self._epoch, route.number, self._next_control(), route.revision)
         self._send(
             Advertisement(
-                self._origin,
-                self._epoch,
-                route.number,
-                self._next_control(),
-                route.revision,
+                *head,
                 route.history.low,
                 route.told_next,
                 route.ruling.name,

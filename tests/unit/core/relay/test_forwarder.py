@@ -516,9 +516,12 @@ def test_best_effort_may_wait_for_a_full_link_but_for_no_link() -> None:
     assert seqs(side.take("/a", bytes(500))) == [0]
     assert side.take("/a", b"x") == []
     assert seqs(side.meanwhile(2000)) == [1]
+    assert (side.core.stats().held, side.fates()) == (0, {Fate.SENT: 2})
+    side.take("/a", bytes(500))
+    assert side.take("/a", b"x") == []
     side.do("link_down")
     assert side.take("/a", b"x") == []
-    assert side.fates() == {Fate.UNLINKED: 1}
+    assert (side.core.stats().held, side.fates()) == (0, {Fate.SENT: 3, Fate.UNLINKED: 2})
 
 
 def test_what_may_go_at_once_needs_no_room() -> None:
