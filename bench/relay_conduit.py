@@ -9,6 +9,8 @@ a publisher that drops, 48 bytes beside the payload, and a callback that takes b
 by Zenoh (``bare``). The targets are against that. Through the binding's own queue
 (``bare queued``), which for 1 MiB holds 256 MB, small messages are faster: for information.
 
+And 256 bytes at 1 kHz, for the time that each takes.
+
 Then 100 KB at 200 Hz, while the far side is stopped for 14 s: everything must arrive once and in
 order if the forwarder may hold it, and else what is lost must be what the books say.
 """
@@ -59,6 +61,9 @@ MB = 1_000_000
 MIB = 1024 * 1024
 SOME_HEADERS = [content_header(7, 1, 1, seq, 0, 7, 0) for seq in range(4096)]
 KEY = "bench/relay"
+PACED_BYTES = 256
+"""Messages of this size are sent at 1 kHz, and timed."""
+ADDED_AT_MOST_MS = 0.1
 
 Send = Callable[[bytes, bytes], object]
 
@@ -112,6 +117,7 @@ class Counting:
 
     def __init__(self, seen: memoryview) -> None:
         self.count, self.first_ns, self.last_ns, self.cpu_ns = 0, 0, 0, 0
+        self.late_ns: list[int] = []
         self.up = False
         self._seen = seen
 
@@ -127,8 +133,10 @@ class Counting:
         attachment.to_bytes()
         self.taken(sample.payload.to_bytes())
 
-    def taken(self, _: bytes) -> None:
+    def taken(self, payload: bytes) -> None:
         self.last_ns = time.perf_counter_ns()
+        if len(payload) == PACED_BYTES:
+            self.late_ns.append(self.last_ns - int.from_bytes(payload[:8], "little"))
         if not self.count:
             self.first_ns, self.cpu_ns = self.last_ns, time.process_time_ns()
         self.count += 1
@@ -177,7 +185,10 @@ def sender(subject: str, endpoint: str, path: str, size: int, count: int) -> Non
     print("ready", flush=True)
     sys.stdin.readline()
     began_ns = time.process_time_ns()
-    feed(send, bytes(size), count, seen)
+    if size == PACED_BYTES:
+        pace(send, count)
+    else:
+        feed(send, bytes(size), count, seen)
     print(json.dumps({"cpu_us": (time.process_time_ns() - began_ns) / 1000}), flush=True)
     sys.stdin.readline()
     close()
@@ -222,6 +233,16 @@ def feed(send: Send, payload: bytes, count: int, seen: memoryview) -> None:
         send(SOME_HEADERS[number % 4096], payload)
 
 
+def pace(send: Send, count: int) -> None:
+    """Send at 1 kHz, each with the time at which it is sent."""
+    filler, began = bytes(PACED_BYTES - 8), time.perf_counter_ns()
+    for number in range(count):
+        while (left_ns := began + number * 1_000_000 - time.perf_counter_ns()) > 0:
+            time.sleep(left_ns / 1e9)
+        payload = time.perf_counter_ns().to_bytes(8, "little") + filler
+        send(SOME_HEADERS[number % 4096], payload)
+
+
 def room(seen: memoryview, sent: int, most: int) -> int:
     """Wait until there is room for half of what may be under way, or nothing comes any more."""
     last, since = seen[0], time.monotonic()
@@ -247,6 +268,8 @@ class Run:
     cpu_us: tuple[float, float]
     """Processor time a message, of the process that sends and of the one that receives, with all
     of Zenoh's threads. On a machine that does other things it says more than the rate."""
+    late_us: float
+    """The median from sending to receiving, of what is paced."""
 
 
 def measured(subject: str, size: int, count: int) -> Run:
@@ -268,7 +291,8 @@ def measured(subject: str, size: int, count: int) -> Run:
         close()
     took_s = (counting.last_ns - counting.first_ns) / 1e9
     rate = (counting.count - 1) / took_s
-    return Run(rate, count - counting.count, (sent["cpu_us"] / count, took_us / count))
+    late_us = statistics.median(counting.late_ns) / 1000 if counting.late_ns else 0.0
+    return Run(rate, count - counting.count, (sent["cpu_us"] / count, took_us / count), late_us)
 
 
 def receiving(subject: str, endpoint: str, counting: Counting) -> Callable[[], object]:
@@ -409,6 +433,20 @@ def peak_mb() -> int:
     return int(status.partition("VmHWM:")[2].split()[0]) // 1000
 
 
+def latency(report: Report, *, rounds: int, count: int) -> None:
+    """256 bytes at 1 kHz: what the relay adds to bare Zenoh."""
+    late_us: dict[str, list[float]] = {subject: [] for subject in ("bare", "conduit", "relay")}
+    for _ in range(rounds):
+        for subject, some in late_us.items():
+            some.append(measured(subject, PACED_BYTES, count).late_us)
+    best = {subject: min(some) for subject, some in late_us.items()}
+    for subject, some in late_us.items():
+        shown = " ".join(f"{one:.0f}" for one in some)
+        report.line(f"    {PACED_BYTES} B at 1 kHz, {subject:8} median {shown} us")
+    added_ms = (best["relay"] - best["bare"]) / 1000
+    report.ratio("ms added to 256 B at 1 kHz", added_ms, ADDED_AT_MOST_MS)
+
+
 def throughput(report: Report, *, rounds: int, share: float) -> None:
     for size, most in SIZES.items():
         count = max(50, int(most * share))
@@ -452,6 +490,7 @@ def main() -> None:
         report.ratio("    repeated or out of order", result["again"] + result["out of order"], 0)
         if hold_bytes > 300 * MB:
             report.ratio("    lost", result["lost"], 0)
+    latency(report, rounds=rounds, count=int(3000 * share))
     throughput(report, rounds=rounds, share=share)
     report.finish(check=arguments.check)
 
