@@ -20,13 +20,13 @@ import time
 
 from beacon_core.errors import ConfigError, UsageError
 from beacon_core.ports.conduit import ConduitLimits, FrameSink
+from beacon_core.relay.marks import CONDUIT_ROLE
 from beacon_core.relay.values import Qos, TopicType
 from beacon_ros.errors import said_by_ros
 from beacon_ros.participant import OwnNode
 from beacon_ros.taking import Buffer
 from beacon_ros_topic.relay.hub import Hub
 from beacon_ros_topic.relay.intake import Intake
-from beacon_ros_topic.relay.marks import CONDUIT_ROLE
 from beacon_ros_topic.relay.options import RosConduitOptions
 from beacon_ros_topic.relay.qos import profile
 from beacon_ros_topic.relay.rawtypes import type_for

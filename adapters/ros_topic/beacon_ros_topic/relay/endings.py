@@ -10,7 +10,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from beacon_ros_topic.relay.marks import Mark
+from beacon_core.relay.marks import Mark
 from beacon_ros_topic.relay.offer import Offer
 from beacon_ros_topic.relay.voice import Voice
 

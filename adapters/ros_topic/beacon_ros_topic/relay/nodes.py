@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from rclpy.node import Node
 
+from beacon_core.relay.marks import Mark, role
 from beacon_ros.participant import OwnNode
-from beacon_ros_topic.relay.marks import Mark, role
 
 __all__ = ["MAX_MARKS", "Nodes"]
 

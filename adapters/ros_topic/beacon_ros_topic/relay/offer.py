@@ -19,7 +19,7 @@ from collections import deque
 from collections.abc import Callable
 
 from beacon_core.relay.effects import CreatePublisher, Publish
-from beacon_ros_topic.relay.marks import Mark
+from beacon_core.relay.marks import Mark
 from beacon_ros_topic.relay.voice import Voice
 
 __all__ = ["Offer"]

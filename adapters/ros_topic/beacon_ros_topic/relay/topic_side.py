@@ -17,13 +17,13 @@ from beacon_core.errors import UsageError
 from beacon_core.ports.topic_side import TopicWatcher
 from beacon_core.relay.effects import CreatePublisher, Publish, Subscribe
 from beacon_core.relay.forwarding import SeenTopic
+from beacon_core.relay.marks import Mark
 from beacon_ros.errors import said_by_ros
 from beacon_ros.taking import Buffer
 from beacon_ros_topic.relay.endings import Endings
 from beacon_ros_topic.relay.endpoints import subscriptions_of
 from beacon_ros_topic.relay.hub import Hub
 from beacon_ros_topic.relay.intake import Intake
-from beacon_ros_topic.relay.marks import Mark
 from beacon_ros_topic.relay.nodes import Nodes
 from beacon_ros_topic.relay.offer import Offer
 from beacon_ros_topic.relay.options import RosNetworkOptions

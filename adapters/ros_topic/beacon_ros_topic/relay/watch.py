@@ -14,10 +14,10 @@ import attrs
 from rclpy.node import Node
 
 from beacon_core.relay.forwarding import SeenTopic
+from beacon_core.relay.marks import Mark, is_conduit, mark_of
 from beacon_core.relay.values import TopicType
 from beacon_ros.waiter import Waiter
 from beacon_ros_topic.relay.endpoints import End, publishers_of, topics_of
-from beacon_ros_topic.relay.marks import Mark, is_conduit, mark_of
 from beacon_ros_topic.relay.qos import merged, remark
 
 __all__ = ["Speaker", "Watch", "WatchOwner"]

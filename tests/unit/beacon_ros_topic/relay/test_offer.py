@@ -9,10 +9,10 @@ import pytest
 pytest.importorskip("rclpy", reason="rclpy is not installed: nothing can be published")
 
 from beacon_core.relay.effects import CreatePublisher, Publish
+from beacon_core.relay.marks import Mark
 from beacon_core.relay.values import Qos, TopicType
 from beacon_ros_topic.relay import offer as offer_module
 from beacon_ros_topic.relay.endings import Endings
-from beacon_ros_topic.relay.marks import Mark
 from beacon_ros_topic.relay.offer import Offer
 from beacon_ros_topic.relay.voice import Voice
 

@@ -14,6 +14,7 @@ pytest.importorskip("rclpy", reason="rclpy is not installed: there is no graph")
 from rclpy.qos import QoSProfile
 
 from beacon_core.relay.forwarding import SeenTopic
+from beacon_core.relay.marks import CONDUIT_ROLE, role
 from beacon_core.relay.values import Qos, TopicType
 from beacon_ros.participant import OwnNode
 from beacon_ros_topic.relay import watch as watch_module
@@ -25,7 +26,6 @@ from beacon_ros_topic.relay.endpoints import (
     topics_of,
 )
 from beacon_ros_topic.relay.harness import BYTES, TEXT
-from beacon_ros_topic.relay.marks import CONDUIT_ROLE, role
 from beacon_ros_topic.relay.nodes import MAX_MARKS, Nodes
 from beacon_ros_topic.relay.rawtypes import type_for
 from beacon_ros_topic.relay.watch import Speaker, Watch

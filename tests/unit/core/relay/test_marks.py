@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from beacon_ros_topic.relay.marks import CONDUIT_ROLE, Mark, is_conduit, mark_of, role
+from beacon_core.relay.marks import CONDUIT_ROLE, Mark, is_conduit, mark_of, role
 
 
 @pytest.mark.parametrize("mark", [(1, 1), (0x1234_5678_9ABC_DEF0, 2), (2**64 - 1, 255)])

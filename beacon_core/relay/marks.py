@@ -3,6 +3,7 @@
 ROS has no field for that in a message, and rclpy does not even tell a message's publisher. But each
 message comes with its publisher's GID, and the graph tells to whose node a GID belongs. So a relay
 publishes by nodes that carry the two numbers in their names; there is one for each pair of them.
+The names are the same on each middleware, so relays know each other whatever they stand on.
 """
 
 from __future__ import annotations
@@ -17,7 +18,6 @@ it has passed."""
 
 _NAME = re.compile(r"/_beacon_relay_([0-9a-f]{16})_h(\d{1,3})_\w+")
 
-
 CONDUIT_ROLE = "relay_conduit"
 """For a conduit's node; what it publishes are frames, and nothing to be relayed."""
 
@@ -28,7 +28,7 @@ def is_conduit(node: str) -> bool:
 
 
 def role(mark: Mark) -> str:
-    """What :class:`beacon_ros.participant.OwnNode` is to be called for these."""
+    """What stands in the name of the node for these: ``_beacon_<role>_<anything>``."""
     first, hop = mark
     return f"relay_{first:016x}_h{hop}"
 
