@@ -1,10 +1,12 @@
-"""Show that the machine of tests/property/test_machine.py can fail: plant bugs, let it find them.
+"""Show that the machines of tests/property can fail: plant bugs, let them find them.
 
 Each bug is a small change of the text of the core, of a kind that people make. The project is
 copied, the copy is changed, and the machine runs in the copy until it fails or has passed. A bug
-that is not found is a hole in the machine (or is none: a change that nobody can see).
+that is not found is a hole in the machine (or is none: a change that nobody can see). The bugs of
+the relay are in planted_relay_bugs.py.
 
-    python tools/planted_bugs.py                 all, two at a time
+    python tools/planted_bugs.py                 all of the store and the intake, two at a time
+    python tools/planted_bugs.py --relay         all of the relay
     python tools/planted_bugs.py ttl tombstone   those whose names contain a word
     python tools/planted_bugs.py --markdown      the table of docs/planted-bugs.md
 
@@ -25,7 +27,9 @@ from pathlib import Path
 
 import attrs
 
-__all__ = ["BUGS", "Bug", "Result", "main"]
+from planted_relay_bugs import RELAY_BUGS
+
+__all__ = ["BUGS", "RELAY", "STORE", "Bug", "Ground", "Result", "main"]
 
 ROOT = Path(__file__).parents[1]
 NEEDED = ["beacon_core", "adapters", "tests/property", "pyproject.toml"]
@@ -38,6 +42,16 @@ class Bug:
     right: str
     """What is written in the core, in one place only."""
     wrong: str
+
+
+@attrs.frozen
+class Ground:
+    """Where bugs are planted, and who is to find them."""
+
+    bugs: list[Bug]
+    folder: str
+    machines: list[str]
+    no_bug: Bug
 
 
 @attrs.frozen
@@ -260,24 +274,33 @@ BUGS = [
     ),
 ]
 
+STORE = Ground(BUGS, "beacon_core", ["tests/property/test_machine.py"], NO_BUG)
+RELAY = Ground(
+    [Bug(*one) for one in RELAY_BUGS],
+    "beacon_core/relay",
+    [f"tests/property/test_relay{name}.py" for name in ("", "_rings", "_many")],
+    Bug("nothing at all, to compare with", "class Forwarder(", "class Forwarder("),
+)
+
 
 def main(arguments: list[str]) -> int:
     """Plant the chosen bugs, or all; print what became of each; return the exit code."""
     markdown = "--markdown" in arguments
+    ground = RELAY if "--relay" in arguments else STORE
     words = [one for one in arguments if not one.startswith("--")]
-    chosen = [bug for bug in BUGS if not words or any(word in bug.name for word in words)]
+    chosen = [bug for bug in ground.bugs if not words or any(word in bug.name for word in words)]
     if markdown:
         print("| planted | found by | after steps |\n| --- | --- | --- |")
-    outdated = [bug for bug in chosen if len(places(bug, ROOT / "beacon_core")) != 1]
+    outdated = [bug for bug in chosen if len(places(bug, ROOT / ground.folder)) != 1]
     for bug in outdated:
         print(f"{bug.name}: this is not written in exactly one place any more:\n{bug.right}\n")
     if outdated:
         return 2
-    if hunt(NO_BUG).found:
+    if hunt(ground.no_bug, ground).found:
         raise SystemExit("the machine fails without any planted bug: mend that first")
     results = []
     with concurrent.futures.ThreadPoolExecutor(2) as pool:
-        for result in pool.map(hunt, chosen):
+        for result in pool.map(lambda bug: hunt(bug, ground), chosen):
             print(row(result) if markdown else line(result), flush=True)
             results.append(result)
     missed = sum(not result.found for result in results)
@@ -285,20 +308,20 @@ def main(arguments: list[str]) -> int:
     return 1 if missed else 0
 
 
-def hunt(bug: Bug) -> Result:
+def hunt(bug: Bug, ground: Ground) -> Result:
     """Run the machine against a copy of the project with this bug in it."""
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder)
         copy_project(copy)
-        plant(bug, copy / "beacon_core")
-        code, output = run_machine(copy)
-    steps = re.search(r"(\d+) steps", output)
-    if code not in (0, 1) or steps is None:
+        plant(bug, copy / ground.folder)
+        code, output = run_machine(copy, ground.machines)
+    steps = [int(one) for one in re.findall(r"(\d+) steps", output)]
+    if code not in (0, 1) or not steps:
         raise SystemExit(f"{bug.name}: the machine did not run\n{output}")
     asserted = re.findall(r"^>\s+(.*)", output, re.MULTILINE)
     return Result(
-        bug, code == 1, int(steps[1]), time.monotonic() - began, asserted[-1] if asserted else ""
+        bug, code == 1, sum(steps), time.monotonic() - began, asserted[-1] if asserted else ""
     )
 
 
@@ -323,17 +346,18 @@ def places(bug: Bug, core: Path) -> list[Path]:
     return [path for path in paths for _ in range(path.read_text().count(bug.right))]
 
 
-def run_machine(copy: Path) -> tuple[int, str]:
+def run_machine(copy: Path, machines: list[str]) -> tuple[int, str]:
     paths = [copy, *(copy / "adapters").iterdir()]
     environment = {
         **os.environ,
         "PYTHONPATH": os.pathsep.join(map(str, paths)),
         "BEACON_MACHINE_SEED": SEED,
         "BEACON_MACHINE_SHRINK": "0",
+        "BEACON_RELAY_STEPS": "40000",
     }
     command = [sys.executable, "-m", "pytest", "-q", "-rP", "-p", "no:cacheprovider"]
     done = subprocess.run(  # noqa: S603
-        [*command, "tests/property/test_machine.py"],
+        [*command, "-x", *machines],
         cwd=copy,
         env=environment,
         capture_output=True,

@@ -19,7 +19,7 @@ from beacon_core.relay.effects import (
 )
 from beacon_core.relay.forwarder import Forwarder
 from beacon_core.relay.forwarding import RouteState, SeenTopic
-from beacon_core.relay.frames import Digest, decode
+from beacon_core.relay.frames import CONTENT, Digest, decode
 from beacon_core.relay.ledger import Fate
 from beacon_core.relay.names import NameMap, Rule
 from beacon_core.relay.republisher import Republisher
@@ -117,6 +117,7 @@ class World:
 
         self.source = Recorder(make)
         self.source_due: int | None = None
+        self.paid_ns = 0.0
         self.given = 0
         self.joined = None
         self.routes: dict[int, Subscribe] = {}
@@ -289,6 +290,12 @@ class World:
         if self.shaping.max_age_ns is not None:
             taken = self.taken.get(effect.payload)
             assert taken is None or not taken.aged or self.is_fresh(taken)
+        rate = self.forwarding.link_bytes_per_s
+        if rate is not None:
+            size = len(effect.header) + len(effect.payload)
+            # A content goes only while all before it is paid for, but for a tenth of a second.
+            assert effect.header[1] != CONTENT or self.paid_ns <= self.now + 100 * MS + 1
+            self.paid_ns = max(self.paid_ns, self.now) + size / rate * 1e9
         self.to_sink.send(effect.header, effect.payload)
 
     def is_fresh(self, taken: Taken) -> bool:

@@ -38,7 +38,7 @@ from beacon_core.relay.shaping import UNSHAPED, Shaping
 from beacon_core.relay.values import Mode, Qos, TopicType
 from tests.property.relay_net import MS, End, Net
 
-STEPS = int(os.environ.get("BEACON_RELAY_STEPS", "100000")) // 4
+STEPS = int(os.environ.get("BEACON_RELAY_STEPS", "100000")) // 8
 STEPS_PER_RUN = 100
 SOURCES, SINKS = 3, 2
 TOPICS = ["/ordered", "/latest", "/best", "/state"]
@@ -326,6 +326,7 @@ class Machine(RuleBasedStateMachine):
     @invariant()
     def the_books_are_right(self) -> None:
         if hasattr(self, "net"):
+            met["steps"] += 1
             self.net.check_books()
 
     def teardown(self) -> None:
@@ -359,5 +360,8 @@ def test_many_relays_on_one_conduit_mix_up_nothing() -> None:
         suppress_health_check=list(HealthCheck),
         report_multiple_bugs=False,
     )
-    run_state_machine_as_test(seeded, settings=rules)
+    try:
+        run_state_machine_as_test(seeded, settings=rules)
+    finally:
+        print(f"{met['steps']} steps")  # noqa: T201
     assert met.keys() >= {"arrived", "forgotten"} or STEPS < 5000
