@@ -22,6 +22,7 @@ _STYLES = {
     "idle": "dim",
     "refused": "bold red",
     "down": "bold red",
+    "stuck": "bold red",
 }
 
 _FINE = frozenset({"sent", "delivered", "conflated"})

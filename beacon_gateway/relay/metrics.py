@@ -31,18 +31,20 @@ class RelayCollector(Collector):
 
     def collect(self) -> Iterator[Metric]:
         """One family after another, as ``prometheus_client`` wants it."""
-        states = {name: end.state() for name, end in self._relay.ends.items()}
-        yield _links(states)
+        told = self._relay.states()
+        states = {name: state for name, state in told.items() if state is not None}
+        yield _links(told)
         yield from _books(states)
         yield from _topics(states)
 
 
-def _links(states: Mapping[str, State]) -> Metric:
+def _links(states: Mapping[str, State | None]) -> Metric:
+    """One that is stuck counts as down, and tells nothing else."""
     family = GaugeMetricFamily(
         "beacon_relay_link_up", "1 if frames may get through.", labels=["end"]
     )
     for name, state in states.items():
-        family.add_metric([name], state.linked)
+        family.add_metric([name], state is not None and state.linked)
     return family
 
 

@@ -14,7 +14,7 @@ from beacon_core.ports.relaying import CONDUIT_GROUP, NETWORK_GROUP
 from beacon_core.relay.names import Link, find_loop
 from beacon_gateway.relay.births import ForwarderBirth, RepublisherBirth
 from beacon_gateway.relay.config import EndConfig, Find, RelayConfig, find_installed
-from beacon_gateway.relay.end import End
+from beacon_gateway.relay.end import End, State
 from beacon_gateway.relay.identity import default_state_folder, new_asker, next_epoch, origin_of
 from beacon_gateway.relay.squeeze import SqueezingConduit
 from beacon_gateway.relay.trace import TraceFile
@@ -68,6 +68,16 @@ class Relay:
                 ends[name] = end
             self.names, self.ends = names, ends
             self._opened = opened.pop_all()
+
+    def states(self) -> dict[str, State | None]:
+        """How all ends are now; ``None`` of one that is stuck: it has not answered for a second."""
+        found: dict[str, State | None] = {}
+        for name, end in self.ends.items():
+            try:
+                found[name] = end.state()
+            except TimeoutError:
+                found[name] = None
+        return found
 
     def close(self) -> None:
         """End all ends. Idempotent."""

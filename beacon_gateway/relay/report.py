@@ -20,17 +20,20 @@ __all__ = ["explained", "report"]
 
 
 def report(relay: Relay) -> dict[str, Any]:
-    """All ends, with their routes and their books. ``TimeoutError`` if one is stuck."""
+    """All ends, with their routes and their books; of one that is stuck, only that it is."""
     return {
         "ends": [
-            _end(name, relay.names[name], end.state(), relay.clock)
-            for name, end in relay.ends.items()
+            _end(name, relay.names[name], state, relay.clock)
+            for name, state in relay.states().items()
         ]
     }
 
 
 def explained(relay: Relay, topic: str) -> dict[str, Any]:
-    """Of each end that forwards: what its rules say of a topic, and what became of it."""
+    """Of each end that forwards: what its rules say of a topic, and what became of it.
+
+    ``TimeoutError`` if one is stuck.
+    """
     ends = []
     for name, end in relay.ends.items():
         found = end.explain(topic)
@@ -40,16 +43,18 @@ def explained(relay: Relay, topic: str) -> dict[str, Any]:
     return {"topic": topic, "ends": ends}
 
 
-def _end(name: str, who: EndName, state: State, clock: Clock) -> dict[str, Any]:
+def _end(name: str, who: EndName, state: State | None, clock: Clock) -> dict[str, Any]:
     told: dict[str, Any] = {
         "name": name,
         "network": who.network,
         "conduit": who.conduit,
         "origin": f"{who.origin:016x}",
         "epoch": who.epoch,
-        "link": "up" if state.linked else "down",
-        "link_since_sec": _seconds_since(state.linked_since_ns, clock),
     }
+    if state is None:
+        return {**told, "link": "stuck", "link_since_sec": 0.0}
+    told["link"] = "up" if state.linked else "down"
+    told["link_since_sec"] = _seconds_since(state.linked_since_ns, clock)
     if state.forwarder is not None:
         told["forward"] = _forward(state.forwarder, state)
     if state.republisher is not None:

@@ -57,7 +57,7 @@ class Turns:
         elif self._busy.acquire(blocking=False):
             self._work()
 
-    def ask(self, job: Callable[[], _T], within_s: float = 5.0) -> _T:
+    def ask(self, job: Callable[[], _T], within_s: float = 1.0) -> _T:
         """What the job returns, or raises; ``TimeoutError`` if its turn does not come.
 
         Not from within a job.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+
 import httpx
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
@@ -52,3 +54,25 @@ def test_each_message_is_in_exactly_one_number(served: tuple[Relay, str]) -> Non
         )
         assert samples["beacon_relay_messages_total", name, side] == 3
         assert ended + samples["beacon_relay_held", name, side] == 3
+
+
+def test_an_end_that_is_stuck_is_told_of_and_holds_up_no_other(served: tuple[Relay, str]) -> None:
+    relay, url = served
+    held, go_on = threading.Event(), threading.Event()
+
+    def hold() -> None:
+        held.set()
+        go_on.wait(30)
+
+    holder = threading.Thread(target=relay.ends["robot"]._turns.take, args=(hold,))
+    holder.start()
+    assert held.wait(10)
+    robot, site = httpx.get(url + RELAY_PATH).json()["ends"]
+    assert (robot["link"], site["link"]) == ("stuck", "up")
+    assert "forward" not in robot
+    text = httpx.get(f"{url}/metrics").text
+    assert 'beacon_relay_link_up{end="robot"} 0.0' in text
+    assert 'beacon_relay_link_up{end="site"} 1.0' in text
+    go_on.set()
+    holder.join(10)
+    assert httpx.get(url + RELAY_PATH).json()["ends"][0]["link"] == "up"
