@@ -1,4 +1,5 @@
-"""Each topic side keeps what its port promises: the fake one, and ROS over real rclpy and DDS."""
+"""Each topic side keeps what its port promises: the fake one, ROS over real rclpy and DDS, and the
+dialect of rmw_zenoh over real Zenoh."""
 
 from __future__ import annotations
 
@@ -12,6 +13,15 @@ from beacon_fake.topic_harness import FakeTopicHarness
 class TestFakeTopicSide(TopicSideContract):
     def make_harness(self) -> TopicHarness:
         return FakeTopicHarness()
+
+
+class TestRmwZenohTopicSide(TopicSideContract):
+    def make_harness(self) -> TopicHarness:
+        pytest.importorskip("zenoh", reason="eclipse-zenoh is not installed")
+        pytest.importorskip("xxhash", reason="xxhash is not installed")
+        from beacon_zenoh.rmw_relay.harness import RmwTopicSideHarness  # noqa: PLC0415
+
+        return RmwTopicSideHarness()
 
 
 class TestRosTopicSide(TopicSideContract):

@@ -16,7 +16,7 @@ from beacon_core.wire import cdr
 from beacon_core.wire.medkit import farewell
 from beacon_zenoh.config import reason
 from beacon_zenoh.rmw import attachment
-from beacon_zenoh.rmw.keys import data_key, kept_key
+from beacon_zenoh.rmw.keys import at_most, data_key, kept_key
 from beacon_zenoh.rmw.options import RmwOptions
 from beacon_zenoh.rmw.qos import Qos
 from beacon_zenoh.rmw.session import hint_member, node_member, rmw_session_config
@@ -32,10 +32,6 @@ _QOS = Qos(durability=1, depth=1)
 
 _MAX_QUESTIONS = 1_000
 """Not yet answered. Each takes Zenoh some memory at both ends; a flood of them is dropped."""
-
-_DIGITS = 10
-"""What has more digits is more than there may be."""
-
 
 _Beside = tuple[bytes, zenoh.Timestamp]
 """Attachment and Zenoh's stamp. By the stamp a subscriber knows what it is told a second time: it
@@ -131,7 +127,7 @@ class RmwTopicAnnouncer(Spokesman[Voice]):
     def _tell(self, stand: _Stand, query: zenoh.Query) -> None:
         """Say the present hints again, to whoever asks, with the numbers that they had."""
         entities = list(stand.last.items())
-        for entity_id, (beside, stamp) in entities[-_at_most(query) :]:
+        for entity_id, (beside, stamp) in entities[-at_most(query.parameters.get("_max")) :]:
             voice = self._voices.get(entity_id)
             if voice is not None:
                 query.reply(stand.topic_key, voice.payload, attachment=beside, timestamp=stamp)
@@ -144,9 +140,3 @@ class RmwTopicAnnouncer(Spokesman[Voice]):
             return
         self._questions.append((stand, query))
         self._keeper.wake()
-
-
-def _at_most(query: zenoh.Query) -> int:
-    """How many messages it wants, which is the depth of rmw_zenoh's subscribers; 0: all."""
-    wanted = query.parameters.get("_max") or ""
-    return int(wanted) if wanted.isascii() and wanted.isdigit() and len(wanted) < _DIGITS else 0

@@ -21,13 +21,25 @@ import attrs
 
 from beacon_zenoh.rmw.names import dds_type, is_name, ros_type
 
-__all__ = ["MAX_DOMAIN", "DataKey", "data_key", "data_key_of", "every_hash", "kept_by", "kept_key"]
+__all__ = [
+    "MAX_DOMAIN",
+    "DataKey",
+    "at_most",
+    "data_key",
+    "data_key_of",
+    "every_hash",
+    "kept_by",
+    "kept_key",
+]
 
 MAX_DOMAIN = 2**32 - 1
 """rmw_zenoh needs no ports, and so knows no limit; this is ours."""
 
 _KEY = re.compile(r"(0|[1-9][0-9]{0,9})(/.+)/([^/]+)/([A-Za-z0-9_]{1,80})")
 _MAX_LENGTH = 1024
+
+_DIGITS = 10
+"""What has more digits is more than there may be."""
 
 
 @attrs.frozen
@@ -73,6 +85,13 @@ def kept_by(topic_key: str, zid: str = "") -> str:
     """Matches what all publishers keep, or those of one session. ``_anyke``: the answers have the
     keys of the messages, not that of the question."""
     return f"{topic_key}/@adv/pub/{f'{zid}/' if zid else ''}**?_anyke"
+
+
+def at_most(wanted: str | None) -> int:
+    """How many messages is wanted of what is kept, by the parameter ``_max`` of the question, which
+    is the depth of rmw_zenoh's subscribers; 0: all."""
+    given = wanted or ""
+    return int(given) if given.isascii() and given.isdigit() and len(given) < _DIGITS else 0
 
 
 def _of_type(domain: int, name: str, type_name: str) -> str:

@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import attrs
 
 from beacon_core.wire.medkit import TYPE_HASH, TYPE_NAME
 from beacon_zenoh.config import SessionConfig, session_config
-from beacon_zenoh.rmw.options import RmwSessionOptions
+from beacon_zenoh.options import SessionOptions
 from beacon_zenoh.rmw.qos import Qos
 from beacon_zenoh.rmw.tokens import Kind, Member
 
 __all__ = ["hint_member", "node_member", "rmw_session_config"]
 
 
-def rmw_session_config(options: RmwSessionOptions) -> SessionConfig:
-    """Put together what the options say; ``ConfigError`` as
+def rmw_session_config(
+    options: SessionOptions, defaults: Mapping[str, Any] | None = None
+) -> SessionConfig:
+    """Put together what the options say; ``ConfigError``, and ``defaults``, as of
     :func:`beacon_zenoh.config.session_config`.
 
     Nodes of rmw_zenoh find each other by the gossip of their router. So where we are the router,
     it is on, unless the configuration says otherwise.
     """
-    config = session_config(options, "client")
+    config = session_config(options, "client", defaults)
     if config.mode != "router" or _has_gossip(options.config):
         return config
     scouting = {**config.document["scouting"], "gossip": {"enabled": True}}
