@@ -34,6 +34,7 @@ PATIENCE = 32
 """So many frames, and one of them is of a lower class, if one waits."""
 
 QUANTUM_BYTES = 64 * 1024
+"""What a route may send more each time that its turn comes; most messages fit into one."""
 
 
 class Outlet:
