@@ -22,17 +22,22 @@ from typing import Any
 import pytest
 import zenoh
 
-from beacon_core.hint import BeaconHint
+from beacon_core.hint import Announcement, BeaconHint
 from beacon_core.lifecycle import Cause, Status
 from beacon_core.parameters.fields import PREFIX, write
 from beacon_core.ports.health import Condition
+from beacon_core.relay.effects import CreatePublisher, Publish, Subscribe
 from beacon_core.testing.harness import Listener
-from beacon_core.wire.medkit import TYPE_HASH
+from beacon_core.testing.relay.topic_harness import Watching
+from beacon_core.wire import cdr
+from beacon_core.wire.medkit import TYPE_HASH, TYPE_NAME
 from beacon_zenoh.rmw import RmwOptions
 from beacon_zenoh.rmw.announcer import RmwTopicAnnouncer
 from beacon_zenoh.rmw.harness import RmwHarness
 from beacon_zenoh.rmw.tokens import Kind
 from beacon_zenoh.rmw_param.harness import RmwParamHarness
+from beacon_zenoh.rmw_relay import RmwNetworkOptions
+from beacon_zenoh.rmw_relay.topic_side import RmwTopicSide
 
 # Making the environment takes half a minute, and more where the package index is slow.
 pytestmark = [pytest.mark.timeout(600), pytest.mark.system]
@@ -353,6 +358,37 @@ def test_namespaces_that_are_not_wanted_are_not_heard(
     eventually(harness, refused)
     assert listener.status("engine") is None
     listener.source.close()
+
+
+def test_a_relay_beside_it_carries_both_ways(
+    harness: RmwHarness, start: Callable[[], Peer]
+) -> None:
+    side, watching = RmwTopicSide(RmwNetworkOptions(connect=(harness.endpoint,))), Watching()
+    side.start(watching)
+    peer = start()
+    peer.publish(entity_id="engine")
+    eventually(harness, lambda: TOPIC in watching.topics)
+    seen = watching.topics[TOPIC]
+    assert (seen.type.name, seen.type.digest) == (TYPE_NAME, TYPE_HASH)
+    side.subscribe(Subscribe(1, TOPIC, seen.type, seen.qos))
+
+    def heard() -> bool:
+        peer.publish(entity_id="engine")
+        return bool(watching.heard)
+
+    eventually(harness, heard)
+    (message, *_) = watching.heard
+    read = cdr.decode(message.payload)
+    assert isinstance(read, Announcement)
+    assert read.hint == BeaconHint("engine")
+    assert (message.first, message.hop) == (0, 0)
+    peer.say("subscribe", "ear", None)
+    side.create_publisher(CreatePublisher(2, TOPIC, seen.type, seen.qos, first=1))
+    eventually(harness, lambda: watching.last_match(2) == (1, 1))
+    said = cdr.encode(BeaconHint("brake", display_name="Bremse"))
+    side.publish(Publish(2, said, 0, first=1, hop=1))
+    eventually(harness, lambda: "brake" in [one["entity_id"] for one in peer.heard])
+    side.close()
 
 
 def test_kept_frames_are_what_it_sends_today(
