@@ -11,6 +11,7 @@ on another session.
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -27,6 +28,8 @@ from beacon_zenoh.rmw_relay.station import Part, Station
 from beacon_zenoh.rmw_relay.teller import Teller
 
 __all__ = ["MOST_WAITING", "MOST_WAITING_BYTES", "Intake"]
+
+_log = logging.getLogger(__name__)
 
 MOST_WAITING = 1_000
 """Messages of one topic. A watcher takes 10 us for one."""
@@ -75,7 +78,8 @@ class Intake:
         """``deliver`` is called by the teller."""
         self.what = what
         self.dropped = self.refused = 0
-        """Messages that came too fast; and those without the attachment of rmw_zenoh."""
+        """Messages that came too fast; and those without the attachment of rmw_zenoh. The first of
+        each is logged."""
         self._teller, self._deliver = teller, deliver
         self._lock = threading.Lock()
         self._waiting = _Waiting()
@@ -125,7 +129,10 @@ class Intake:
         with self._lock:
             if self._closed:
                 return
-            self.dropped += self._waiting.add(sample)
+            dropped = self._waiting.add(sample)
+            if dropped and not self.dropped:
+                _log.warning("%s: more comes than is taken; the oldest gives way", self.what.topic)
+            self.dropped += dropped
             if self._scheduled:
                 return
             self._scheduled = True
@@ -147,6 +154,8 @@ class Intake:
         attachment = sample.attachment
         envelope = None if attachment is None else decode(attachment.to_bytes())
         if envelope is None:
+            if not self.refused:
+                _log.warning("%s: a message that rmw_zenoh did not send", self.what.topic)
             self.refused += 1
             return
         gid, sequence, stamp_ns = envelope

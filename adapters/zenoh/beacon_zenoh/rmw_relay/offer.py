@@ -6,14 +6,16 @@ in order with the rest, and only the tokens differ.
 
 What a transient-local publisher keeps for who comes later is kept here, not by Zenoh: so it
 outlives the session, and is of all marks together. It is asked for and answered as rmw_zenoh does
-it. A message keeps the stamp of Zenoh's clock that it had when it was said: by that a subscription
-knows what it is told a second time. While there is no session, it waits to be said on the next one;
-what is not kept is lost then, as there is nobody to hear it.
+it. A message keeps the stamp for Zenoh that it had when it was said: by that a subscription knows
+what it is told a second time, and in what order. Zenoh's own stamps name the session, and what has
+different names is not put in order; so these are ours. While there is no session, it waits to be
+said on the next one; what is not kept is lost then, as there is nobody to hear it.
 """
 
 from __future__ import annotations
 
 import logging
+import secrets
 import threading
 import time
 from collections import deque
@@ -36,6 +38,8 @@ __all__ = ["Offer"]
 
 _log = logging.getLogger(__name__)
 
+_SECOND_NS = 1_000_000_000
+
 
 @attrs.define(eq=False)
 class _Voice:
@@ -52,6 +56,18 @@ class _Said:
     sequence: int
     stamp_ns: int
     stamp: zenoh.Timestamp
+
+
+@attrs.define
+class _Clock:
+    """Stamps that grow, under one name."""
+
+    name: bytes = attrs.field(factory=lambda: secrets.token_bytes(16))
+    last_ns: int = 0
+
+    def stamp(self) -> zenoh.Timestamp:
+        self.last_ns = max(time.time_ns(), self.last_ns + 1)
+        return zenoh.Timestamp(zenoh.NTP64(*divmod(self.last_ns, _SECOND_NS)), self.name)
 
 
 @attrs.frozen
@@ -84,6 +100,7 @@ class Offer:
         self._main: Mark = (what.first, 1)
         self._voices: dict[Mark, _Voice] = {}
         depth = what.qos.depth if what.qos.durable else 0
+        self._clock = _Clock()
         self._kept: deque[_Said] = deque(maxlen=depth)
         self._unsaid: deque[Publish] = deque(maxlen=depth)
 
@@ -177,7 +194,7 @@ class Offer:
         mark, voice = self._voice(stage.station, (what.first, what.hop))
         stamp_ns = what.stamp_ns if what.stamp_ns > 0 else time.time_ns()
         beside = attachment.encode(voice.part.gid, voice.sequence + 1, stamp_ns)
-        stamp = stage.station.session.new_timestamp() if self.what.qos.durable else None
+        stamp = self._clock.stamp() if self.what.qos.durable else None
         stage.publisher.put(what.payload, attachment=beside, timestamp=stamp)
         voice.sequence += 1
         if stamp is not None:

@@ -18,6 +18,7 @@ from functools import partial
 
 import zenoh
 
+from beacon_core.errors import UsageError
 from beacon_core.ports.topic_side import TopicWatcher
 from beacon_core.relay.effects import CreatePublisher, Publish, Subscribe
 from beacon_core.relay.forwarding import SeenTopic
@@ -100,7 +101,7 @@ class RmwTopicSide:
         self._intakes: dict[int, Intake] = {}
         self._offers: dict[int, Offer] = {}
         self._questions: deque[tuple[Offer, zenoh.Query]] = deque()
-        self._closed = self._news = False
+        self._started = self._closed = self._news = False
         self._look_at_ns = 0
         # The rest belongs to the keeper's thread.
         self._settled_ns = 0
@@ -108,7 +109,9 @@ class RmwTopicSide:
 
     def start(self, watcher: TopicWatcher) -> None:
         """``ConfigError`` if it is to listen and cannot; ``UsageError`` for a second start."""
-        self._watcher = watcher
+        if self._started or self._closed:
+            raise UsageError("start: it was started or closed already; make a new one")
+        self._started, self._watcher = True, watcher
         self._keeper.start()
         self._teller.start()
 

@@ -26,7 +26,8 @@ _NAMED_WITHIN_S = 0.1
 """A token comes some milliseconds before or after the first message of its publisher."""
 _PATIENT_AGAIN_S = 1.0
 """Whose number is none of a token's is waited for in vain; a flood of them must cost little."""
-_MAX_STRANGERS = 10_000
+_MAX_TOKENLESS = 10_000
+"""Publishers that are remembered though they have no token."""
 
 
 @attrs.define
@@ -49,7 +50,8 @@ class Topics:
         self._topics: defaultdict[str, _Topic] = defaultdict(_Topic)
         self._marks: dict[bytes, Mark] = {}
         self._dirty: set[str] = set()
-        self._strangers: dict[bytes, None] = {}
+        # Of those who have gone, whose last messages may be under way; and who never had a token.
+        self._tokenless: dict[bytes, Mark] = {}
         self._patient_at_s = 0.0
 
     def came(self, key: str, member: Member, now_ns: int) -> None:  # noqa: ARG002 - the watch's
@@ -73,7 +75,9 @@ class Topics:
             return
         with self._changed:
             self._topics[member.name].of(member.kind).pop(key, None)
-            self._marks.pop(gid_of(key), None)
+            mark = self._marks.pop(gid := gid_of(key), None)
+            if mark is not None:
+                self._remember(gid, mark)
             self._dirty.add(member.name)
         self._news()
 
@@ -100,21 +104,21 @@ class Topics:
 
         Waits for the token of one that is new. ``(0, 0)`` if it is no relay's, or none comes.
         """
-        found = self._marks.get(gid)
+        found = self._marks.get(gid) or self._tokenless.get(gid)
         if found is not None:
             return found
         with self._changed:
-            if gid not in self._strangers and time.monotonic() >= self._patient_at_s:
+            if time.monotonic() >= self._patient_at_s:
                 self._changed.wait_for(lambda: gid in self._marks, _NAMED_WITHIN_S)
-                if gid not in self._marks:
-                    self._patient_at_s = time.monotonic() + _PATIENT_AGAIN_S
-                    self._remember(gid)
+            if gid not in self._marks:
+                self._patient_at_s = time.monotonic() + _PATIENT_AGAIN_S
+                self._remember(gid, (0, 0))
             return self._marks.get(gid, (0, 0))
 
-    def _remember(self, gid: bytes) -> None:
-        self._strangers[gid] = None
-        if len(self._strangers) > _MAX_STRANGERS:
-            del self._strangers[next(iter(self._strangers))]
+    def _remember(self, gid: bytes, mark: Mark) -> None:
+        self._tokenless[gid] = mark
+        if len(self._tokenless) > _MAX_TOKENLESS:
+            del self._tokenless[next(iter(self._tokenless))]
 
     def _concerns_us(self, member: Member) -> bool:
         return (

@@ -52,3 +52,11 @@ def test_what_is_kept_is_asked_of_one_session_or_of_all() -> None:
 )
 def test_what_is_no_key_of_data_gives_nothing(text: str) -> None:
     assert keys.data_key_of(text) is None
+
+
+@pytest.mark.parametrize(
+    ("wanted", "most"),
+    [("3", 3), ("0", 0), ("", 0), (None, 0), ("-1", 0), ("x", 0), ("²", 0), ("9" * 10, 0)],
+)
+def test_how_many_kept_messages_are_wanted_is_read_or_all(wanted: str | None, most: int) -> None:
+    assert keys.at_most(wanted) == most
