@@ -46,9 +46,15 @@ def test_nothing_is_told_after_the_end_and_nobody_waits_for_ever() -> None:
 
 def test_it_may_be_closed_before_it_began_and_by_itself() -> None:
     Teller().close(5.0)
-    teller, done = Teller(), threading.Event()
+    teller, done, more = Teller(), threading.Event(), threading.Event()
+
+    def end() -> None:
+        teller.close(5.0)
+        done.set()
+
     teller.start()
-    teller.tell(lambda: teller.close(5.0))
-    teller.tell(done.set)
+    teller.tell(end)
+    teller.tell(more.set)
+    assert done.wait(4), "it does not wait for itself"
     teller.close(5.0)
-    assert not done.is_set()
+    assert not more.is_set()
