@@ -2,11 +2,6 @@
 
 Zenoh leaves them here, in a thread of its own that must not wait; the teller takes them. What waits
 is bounded, and the oldest gives way, as in ROS.
-
-A message may come twice: when another session takes the place of ours, and from what a publisher
-keeps. It is known by its publisher's GID and its number there. What is kept comes with the stamp
-that Zenoh gave it when it was said, and keeps it though its publisher may have another GID by now,
-on another session.
 """
 
 from __future__ import annotations
@@ -24,6 +19,7 @@ from zenoh.handlers import Callback
 from beacon_core.relay.effects import Subscribe
 from beacon_zenoh.rmw.attachment import decode
 from beacon_zenoh.rmw.keys import DataKey, data_key
+from beacon_zenoh.rmw_relay.repeats import Numbers, Stamps
 from beacon_zenoh.rmw_relay.station import Part, Station
 from beacon_zenoh.rmw_relay.teller import Teller
 
@@ -39,9 +35,6 @@ MOST_WAITING_BYTES = 64 * 1024 * 1024
 
 _MAX_BATCH = 64
 """Messages of one topic told before other topics get their turn."""
-
-_REMEMBERED = 4_096
-"""Messages that are known again. What is kept is at most 1,024."""
 
 _REMOTE = zenoh.Locality.REMOTE
 
@@ -84,7 +77,7 @@ class Intake:
         self._lock = threading.Lock()
         self._waiting = _Waiting()
         self._scheduled = self._closed = False
-        self._heard: dict[object, None] = {}
+        self._numbers, self._stamps = Numbers(), Stamps()
         self._station: Station | None = None
         self._part: Part | None = None
         self._subscriber: zenoh.Subscriber[None] | zenoh.ext.AdvancedSubscriber[None] | None = None
@@ -159,18 +152,10 @@ class Intake:
             self.refused += 1
             return
         gid, sequence, stamp_ns = envelope
-        if not self._is_known(sample, gid, sequence):
+        if self._is_new(sample, gid, sequence):
             self._deliver(self.what, gid, sample.payload.to_bytes(), stamp_ns)
 
-    def _is_known(self, sample: zenoh.Sample, gid: bytes, sequence: int) -> bool:
-        message: object = (gid, sequence)
+    def _is_new(self, sample: zenoh.Sample, gid: bytes, sequence: int) -> bool:
         if self.what.qos.durable and sample.timestamp is not None:
-            message = str(sample.timestamp)
-        elif not sequence:
-            return False
-        if message in self._heard:
-            return True
-        self._heard[message] = None
-        if len(self._heard) > _REMEMBERED:
-            del self._heard[next(iter(self._heard))]
-        return False
+            return self._stamps.is_new(str(sample.timestamp))
+        return self._numbers.is_new(gid, sequence)

@@ -113,15 +113,6 @@ def test_what_is_kept_is_known_by_its_stamp_though_its_publisher_has_another_num
     assert it.payloads() == [b"map", b"new", b"old"]
 
 
-def test_so_many_are_known_again_and_no_more(it: Fixture, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "_REMEMBERED", 3)
-    intake = it.intake()
-    for number in range(1, 10):
-        come(intake, b"x", number=number)
-    assert len(it.payloads()) == 9
-    assert len(intake._heard) == 3
-
-
 def test_the_oldest_gives_way_when_too_many_wait(
     it: Fixture, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
