@@ -413,7 +413,7 @@ class World:
 
     def check_state(self) -> None:
         """If nothing was lost, whoever came late has all of the state that there was, exactly."""
-        if self.sink.core.stats().fates.keys() > {Fate.DELIVERED}:
+        if self.sink.core.stats().fates.keys() - {Fate.DELIVERED}:
             return
         there = {one.route for one in self.source.core.routes()}
         published = {
