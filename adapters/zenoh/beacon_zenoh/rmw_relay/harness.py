@@ -33,7 +33,17 @@ from beacon_zenoh.rmw.tokens import Kind, Member, gid_of, token_key
 from beacon_zenoh.rmw_relay.options import RmwNetworkOptions
 from beacon_zenoh.rmw_relay.topic_side import RmwTopicSide
 
-__all__ = ["BYTES", "TEXT", "MortalPublisher", "Peers", "RmwTopicSideHarness", "message", "text"]
+__all__ = [
+    "BYTES",
+    "TEXT",
+    "MortalPublisher",
+    "Peers",
+    "Publisher",
+    "RmwTopicSideHarness",
+    "Subscription",
+    "message",
+    "text",
+]
 
 BYTES = TopicType(
     "std_msgs/msg/UInt8MultiArray",

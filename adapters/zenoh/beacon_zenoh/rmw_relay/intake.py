@@ -38,7 +38,7 @@ _MAX_BATCH = 64
 
 _REMOTE = zenoh.Locality.REMOTE
 
-Deliver = Callable[[Subscribe, bytes, bytes, int], object]
+_Deliver = Callable[[Subscribe, bytes, bytes, int], object]
 """What it is of, the publisher's GID, the payload, the publisher's stamp."""
 
 
@@ -67,7 +67,7 @@ class _Waiting:
 class Intake:
     """Thread rule: ``open`` and ``close`` one at a time, from any thread."""
 
-    def __init__(self, what: Subscribe, teller: Teller, deliver: Deliver) -> None:
+    def __init__(self, what: Subscribe, teller: Teller, deliver: _Deliver) -> None:
         """``deliver`` is called by the teller."""
         self.what = what
         self.dropped = self.refused = 0
