@@ -11,11 +11,6 @@ RELAY_BUGS = [
         "if seq in self._held or seq >= self.next:",
     ),
     (
-        "track: the forwarder's lowest number may be above its next one",
-        "self.low = max(self.low, min(low, self.next))",
-        "self.low = max(self.low, low)",
-    ),
-    (
         "peer: all that an older forwarder has is wanted",
         "if answer.age_ns > said_hello_after_ns:",
         "if False:",
@@ -70,16 +65,6 @@ RELAY_BUGS = [
         "forgetting: nothing is remembered of who gave way",
         "self._of[peer.origin] = Memory(now_ns + 1, peer.epoch, max(peer.known, default=0))",
         "self._of[peer.origin] = self._anybody",
-    ),
-    (
-        "flow: a route goes on though another one's turn has come",
-        "lane.tracks[0] is not track",
-        "False",
-    ),
-    (
-        "flow: a route goes on though its life is over",
-        "            or track.ended is not None\n            or lane.state",
-        "            or lane.state",
     ),
     (
         "flow: how far the forwarder has come is not noted",
@@ -145,6 +130,26 @@ RELAY_BUGS = [
         "outlet: who has waited is forgotten when its turn comes",
         "        self._later.pop(one.number, None)\n        self._waits.add(one.number)\n",
         "        self._later.pop(one.number, None)\n",
+    ),
+    (
+        "outlet: lower classes never go while a higher one waits",
+        "self._passed_over >= PATIENCE - 1",
+        "False",
+    ),
+    (
+        "outlet: a lower class goes too often",
+        "self._passed_over >= PATIENCE - 1",
+        "self._passed_over >= PATIENCE - 2",
+    ),
+    (
+        "outlet: the lowest class goes first",
+        "for one in reversed(range(PRIORITIES)) if",
+        "for one in range(PRIORITIES) if",
+    ),
+    (
+        "outlet: of the lower classes it is always the same one's turn",
+        "min(waiting[1:], key=self._turns.__getitem__)",
+        "waiting[-1]",
     ),
     (
         "pace: what is spent is paid for by the past",

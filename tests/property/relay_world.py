@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import Any
 
 import attrs
@@ -11,7 +11,6 @@ from beacon_core.relay.effects import (
     Arm,
     CreatePublisher,
     DestroyPublisher,
-    Effect,
     Publish,
     Send,
     Subscribe,
@@ -19,80 +18,39 @@ from beacon_core.relay.effects import (
 )
 from beacon_core.relay.forwarder import Forwarder
 from beacon_core.relay.forwarding import RouteState, SeenTopic
-from beacon_core.relay.frames import CONTENT, Digest, decode
+from beacon_core.relay.frames import CONTENT, Advertisement, Content, Digest, decode
+from beacon_core.relay.lane import LaneState
 from beacon_core.relay.ledger import Fate
-from beacon_core.relay.names import NameMap, Rule
 from beacon_core.relay.republisher import Republisher
 from beacon_core.relay.settings import Forwarding, Republishing
 from beacon_core.relay.shaping import UNSHAPED, Shaping
 from beacon_core.relay.values import Mode, Qos, TopicType
 from beacon_fake.conduit import FakeConduit
+from tests.property.relay_parts import MS, ORIGIN, Recorder, Taken, names
+from tests.property.relay_watch import Watch
 
-MS = 10**6
-ORIGIN = 7
-
-
-def names(shaping: Shaping = UNSHAPED) -> NameMap:
-    """All topics but ``/ordered/b`` and ``/twin`` are shaped."""
-    return NameMap(
-        (
-            Rule(allow=True, pattern="/ordered/b", to="/r/ordered/b", mode=Mode.ORDERED),
-            Rule(True, "/ordered/*", "/r/ordered/*", Mode.ORDERED, shaping),
-            Rule(True, "/latest/*", "/r/latest/*", Mode.LATEST, shaping),
-            Rule(True, "/best/*", "/r/best/*", Mode.BEST_EFFORT, shaping),
-            Rule(True, "/state/*", "/r/state/*", Mode.STATE, shaping),
-            Rule(allow=True, pattern="/twin", to="/r/ordered/a", mode=Mode.ORDERED),
-        )
-    )
-
-
-@attrs.frozen
-class Taken:
-    """A message that the source was given and did not refuse."""
-
-    epoch: int
-    route: int
-    seq: int
-    at_ns: int
-    name: str
-    type: TopicType
-    mode: Mode
-    aged: bool
-    """Its rule gives it an age."""
-
-
-class Recorder:
-    """Passes calls on and keeps them, so that they can be made again."""
-
-    def __init__(self, make: Callable[[], Any]) -> None:
-        self._make = make
-        self.core = make()
-        self._calls: list[tuple[str, tuple[Any, ...], dict[str, Any], list[Effect]]] = []
-
-    def call(self, method: str, *args: Any, **named: Any) -> list[Effect]:
-        effects: list[Effect] = getattr(self.core, method)(*args, **named)
-        self._calls.append((method, args, named, effects))
-        return effects
-
-    def replays_alike(self) -> bool:
-        again = self._make()
-        return all(getattr(again, m)(*args, **named) == out for m, args, named, out in self._calls)
+__all__ = ["MS", "ORIGIN", "World", "seen"]
 
 
 class World:
     """The oracle checks each publication as it is made."""
 
     def __init__(
-        self, forwarding: Forwarding, republishing: Republishing, shaping: Shaping = UNSHAPED
+        self,
+        forwarding: Forwarding,
+        republishing: Republishing,
+        shaping: Shaping = UNSHAPED,
+        priorities: Sequence[int] = (0, 0, 0, 0),
     ) -> None:
         self.forwarding, self.republishing = forwarding, republishing
-        self.shaping, self.names = shaping, names(shaping)
+        self.shaping, self.names = shaping, names(shaping, priorities)
         self.now = 1_000_000 * MS
         self.to_sink, self.to_source = FakeConduit(), FakeConduit()
         self.topics: dict[str, SeenTopic] = {}
         self.expected = 1
         self.broken_publishers = False
         self.taken: dict[bytes, Taken] = {}
+        self.first_sent_ns: dict[bytes, int] = {}
         self.ever_published: set[bytes] = set()
         self.serial = 0
         self.epoch = 0
@@ -116,6 +74,7 @@ class World:
             )
 
         self.source = Recorder(make)
+        self.watch = Watch(self.source.core, (ORIGIN, epoch), self.forwarding, self.shaping)
         self.source_due: int | None = None
         self.paid_ns = 0.0
         self.given = 0
@@ -136,6 +95,9 @@ class World:
         self.sink = Recorder(make)
         self.sink_due: int | None = None
         self.sink_began = self.now
+        self.sink_epoch = -1
+        self.standing: dict[tuple[int, int, int], int] = {}
+        # By epoch, route and number: since when it stands still there.
         self.joined = None
         self.publishers: dict[int, CreatePublisher] = {}
         self.published: set[bytes] = set()
@@ -147,7 +109,11 @@ class World:
     def on_source(self, method: str, *args: Any) -> None:
         if method.startswith("link"):
             self.source_linked = method == "link_up"
-        for effect in self.source.call(method, *args, self.now):
+        owed = self.watch.owed(args[0], args[1], self.now) if method == "frame" else set()
+        effects = self.source.call(method, *args, self.now)
+        if method == "frame":
+            self.watch.answers(effects, owed, self.now)
+        for effect in effects:
             match effect:
                 case Send():
                     self.sent(effect)
@@ -161,6 +127,9 @@ class World:
                     self.source_due = effect.due_ns
                 case _:
                     raise AssertionError(effect)
+        if method.startswith("link"):
+            self.watch.linked(up=self.source_linked)
+        self.watch.settled()
 
     def on_sink(self, method: str, *args: Any) -> None:
         if method.startswith("link"):
@@ -187,7 +156,29 @@ class World:
         if self.joined is None and peer is not None and peer.epoch == self.epoch:
             self.joined = self.serial
             self.state_then = self.state_told(args)
+        self.watch_sink()
         self.break_publishers(fresh)
+
+    def watch_sink(self) -> None:
+        """A life that is over does not come back; and who stands still, does since then."""
+        peer = self.sink.core._peers.get(ORIGIN)
+        assert peer is None or peer.epoch >= self.sink_epoch
+        standing: dict[tuple[int, int, int], int] = {}
+        if peer is not None:
+            self.sink_epoch = peer.epoch
+            for lane in peer.lanes.values():
+                track = lane.head
+                if (
+                    self.sink_linked
+                    and lane.state is LaneState.LIVE
+                    and track is not None
+                    and track.cursor < track.next
+                    and track.advertised.epoch == peer.epoch
+                    and track.advertised.route not in peer.patient
+                ):
+                    place = (peer.epoch, track.advertised.route, track.cursor)
+                    standing[place] = self.standing.get(place, self.now)
+        self.standing = standing
 
     def break_publishers(self, fresh: list[int]) -> None:
         for handle in fresh:
@@ -195,30 +186,34 @@ class World:
                 del self.publishers[handle]
                 self.on_sink("publisher_failed", handle, "no such type")
 
-    def publish(self, topic: str, size: int) -> bytes | None:
+    def publish(self, topic: str, size: int, *, first: int = 0, hop: int = 0) -> bytes | None:
         """A message on the source's network; its bytes if the forwarder numbered it."""
         self.serial += 1
         payload = self.serial.to_bytes(8, "little") * (size // 8 + 1)
-        route = self.subscribed.get(topic)
-        before = self.next_of(route)
-        if route is not None:
-            seen = self.topics[topic]
-            status = next(one for one in self.source.core.routes() if one.route == route)
-            aged = topic not in ("/ordered/b", "/twin") and self.shaping.max_age_ns is not None
-            self.taken[payload] = Taken(
-                self.epoch, route, before, self.now, status.name, seen.type, status.mode, aged
-            )
+        number = self.subscribed.get(topic, 0)
+        route = self.source.core._routes.get(number)
+        before = 0 if route is None else route.history.next
         self.given += 1
-        for effect in self.source.call("message", route or 0, payload, self.now):
+        effects = self.source.call("message", number, payload, self.now, first=first, hop=hop)
+        numbered = route is not None and route.history.next > before
+        if numbered:
+            assert first != ORIGIN
+            assert hop < self.forwarding.max_hops
+            aged = topic not in ("/ordered/b", "/twin") and self.shaping.max_age_ns is not None
+            name, kind, mode = route.ruling.name, self.topics[topic].type, route.mode
+            self.taken[payload] = Taken(
+                self.epoch, number, before, self.now, name, kind, mode, aged, first or ORIGIN, hop
+            )
+            self.watch.took(number, before)
+        for effect in effects:
             assert isinstance(effect, Send | Arm)
             if isinstance(effect, Send):
+                assert numbered or effect.payload != payload
                 self.sent(effect)
             else:
                 self.source_due = effect.due_ns
-        if self.next_of(route) == before:
-            self.taken.pop(payload, None)
-            return None
-        return payload
+        self.watch.settled()
+        return payload if numbered else None
 
     def publish_late(self, at: int) -> None:
         """A message of a subscription that has ended: nobody may take it for the topic's own."""
@@ -228,9 +223,6 @@ class World:
             self.serial += 1
             payload = b"late" + self.serial.to_bytes(8, "little")
             self.on_source("message", ended[at % len(ended)], payload)
-
-    def next_of(self, route: int | None) -> int:
-        return next((one.next for one in self.source.core.routes() if one.route == route), 0)
 
     def seen(self, topic: str, seen: SeenTopic) -> None:
         self.topics[topic] = seen
@@ -247,6 +239,18 @@ class World:
     def deliver_to_source(self, at: int = 0, *, keep: bool = False) -> None:
         if (frame := self.to_source.take(at, keep=keep)) is not None:
             self.on_source("frame", frame.header, frame.payload)
+
+    def deliver_those(self, route: int) -> None:
+        """Frames of one route overtake all others."""
+        at = 0
+        while at < len(self.to_sink):
+            frame = self.to_sink.take(at, keep=True)
+            assert frame is not None
+            read = decode(frame.header, frame.payload)
+            if isinstance(read, Advertisement | Content) and read.route == route:
+                self.deliver_to_sink(at)
+            else:
+                at += 1
 
     def flow(self) -> None:
         """All that is under way gets through, and what follows from it."""
@@ -296,6 +300,8 @@ class World:
             # A content goes only while all before it is paid for, but for a tenth of a second.
             assert effect.header[1] != CONTENT or self.paid_ns <= self.now + 100 * MS + 1
             self.paid_ns = max(self.paid_ns, self.now) + size / rate * 1e9
+        self.watch.sent(effect, self.now)
+        self.first_sent_ns.setdefault(effect.payload, self.now)
         self.to_sink.send(effect.header, effect.payload)
 
     def is_fresh(self, taken: Taken) -> bool:
@@ -323,13 +329,16 @@ class World:
         publisher = self.publishers[effect.handle]
         assert publisher.type == taken.type
         assert publisher.topic == taken.name
+        assert (effect.first, effect.hop) == (taken.first, taken.hop + 1)
         assert effect.payload not in self.published
         if taken.mode is not Mode.STATE:
             assert effect.payload not in self.ever_published
-            assert taken.at_ns >= self.sink_began
+            # It may have waited; but what somebody before may have had is not shown.
+            assert self.first_sent_ns[effect.payload] >= self.sink_began
         place = (taken.epoch, taken.route, taken.seq)
         assert place > self.last.get(taken.name, (0, 0, -1))
-        if taken.at_ns < self.sink_began and taken.epoch == self.epoch:
+        is_old = self.first_sent_ns[effect.payload] < self.sink_began
+        if is_old and taken.epoch == self.epoch:
             # Whoever comes late gets the last of the state, and nothing else of before.
             self.met.add("state of before")
             assert taken.seq in self.state_then[taken.route] or taken.seq >= (
@@ -340,6 +349,10 @@ class World:
         self.ever_published.add(effect.payload)
 
     def check_books(self) -> None:
+        self.watch.check()
+        self.met |= self.watch.met
+        patience_ns = self.republishing.gap_ns
+        assert all(self.now < since + patience_ns for since in self.standing.values())
         source, sink = self.source.core.stats(), self.sink.core.stats()
         assert source.entered == self.given == sum(source.fates.values()) + source.held
         assert source.held_bytes <= self.forwarding.hold_bytes
@@ -360,20 +373,42 @@ class World:
     def heal(self) -> None:
         """Nothing fails any more, for long enough."""
         self.broken_publishers = False
-        # A side that was not told of an outage must find out by itself what it has missed.
-        if not self.source_linked:
-            self.on_source("link_up")
-        if not self.sink_linked:
-            self.on_sink("link_up")
+        self.link()
         for _ in range(40):
             self.flow()
             self.match_all()
             self.pass_time(500 * MS, flowing=True)
 
+    def link(self) -> None:
+        """A side that was not told of an outage must find out by itself what it has missed."""
+        if not self.source_linked:
+            self.on_source("link_up")
+        if not self.sink_linked:
+            self.on_sink("link_up")
+
+    def meet(self) -> None:
+        """The two sides know each other, and what can match does."""
+        self.link()
+        self.flow()
+        self.pass_time(150 * MS, flowing=True)
+        self.match_all()
+
+    def check_known(self) -> None:
+        """The sink knows each route, and how far it has come."""
+        peer, routes = self.sink.core._peers.get(ORIGIN), self.source.core._routes
+        if self.sink.core.stats().frames.crowded:
+            return
+        assert peer is not None
+        assert peer.epoch == self.epoch
+        assert {number: peer.known[number].next for number in routes if number in peer.known} == {
+            number: one.told_next for number, one in routes.items()
+        }
+
     def check_healed(self) -> None:
         """All that was announced has ended, and what is published now arrives at once."""
         sink = self.sink.core.stats()
         assert sink.missing == sink.held == sink.held_bytes == sink.pending == 0
+        self.check_known()
         self.check_losses()
         for status in self.source.core.routes():
             if status.state is RouteState.OPEN:

@@ -23,7 +23,6 @@ import pytest
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import (
-    RuleBasedStateMachine,
     initialize,
     invariant,
     rule,
@@ -35,9 +34,10 @@ from beacon_core.relay.frames import Content, Digest, Malformed, Range, Reset, d
 from beacon_core.relay.ledger import Fate
 from beacon_core.relay.settings import Forwarding, Republishing
 from beacon_core.relay.shaping import UNSHAPED, Shaping
+from tests.property.relay_scenes import Scenes
 from tests.property.relay_world import MS, ORIGIN, World, seen
 
-STEPS = int(os.environ.get("BEACON_RELAY_STEPS", "100000")) * 3 // 4
+STEPS = int(os.environ.get("BEACON_RELAY_STEPS", "100000")) * 19 // 20
 # The others are those of test_relay_many.py and test_relay_rings.py, which cost more each.
 STEPS_PER_RUN = 100
 
@@ -50,7 +50,7 @@ places = st.integers(0, 1000)
 
 
 # ruff: noqa: FBT001 - rules get what is drawn for them, by name
-class Machine(RuleBasedStateMachine):
+class Machine(Scenes):
     @initialize(
         hold=st.sampled_from([500, 1500, 6000, 10**6]),
         sink_hold=st.sampled_from([0, 500, 1500, 6000, 10**6]),
@@ -68,8 +68,9 @@ class Machine(RuleBasedStateMachine):
             st.none() | st.sampled_from([5.0, 100.0]),
             st.none() | st.just(50_000.0),
             st.none() | st.sampled_from([30 * MS, 5000 * MS]),
-            st.integers(0, 7),
         ),
+        priorities=st.just([0, 0, 0, 0])
+        | st.lists(st.sampled_from([0, 1, 6, 7]), min_size=4, max_size=4),
     )
     def begin(
         self,
@@ -84,6 +85,7 @@ class Machine(RuleBasedStateMachine):
         first: int,
         link: float | None,
         shaping: Shaping,
+        priorities: list[int],
     ) -> None:
         self.world = World(
             Forwarding(
@@ -101,6 +103,7 @@ class Machine(RuleBasedStateMachine):
                 ask_window=window,
             ),
             shaping,
+            priorities,
         )
         for topic in TOPICS[:first]:
             self.world.seen(topic, seen())
@@ -397,7 +400,7 @@ def test_an_empty_message_and_a_large_one_arrive_whole() -> None:
     here.given += 1
     for effect in effects:
         assert isinstance(effect, Send)
-        here.to_sink.send(effect.header, effect.payload)
+        here.sent(effect)
     talk(here)
     assert here.published == {large, b""}
 
