@@ -17,7 +17,7 @@ from beacon_gateway.config import Config, Loaded, LogLevel, default_config, load
 from beacon_gateway.console.exits import Exit, Fault
 from beacon_gateway.console.flags import port
 from beacon_gateway.console.logs import set_up_logging
-from beacon_gateway.console.process import keep_answers_prompt
+from beacon_gateway.console.process import keep_answers_prompt, keep_memory_together
 from beacon_gateway.console.signals import on_reload_signal, on_stop_signal
 from beacon_gateway.console.terminal import write_json
 from beacon_gateway.gateway import Gateway
@@ -59,6 +59,7 @@ def parser() -> argparse.ArgumentParser:
 
 def run(arguments: argparse.Namespace) -> int:
     """Returns the exit code, once stopped."""
+    keep_memory_together()
     loaded = _read(arguments)
     config = loaded.config
     _log_as(config)

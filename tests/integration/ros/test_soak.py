@@ -11,7 +11,7 @@ import re
 import signal
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,8 @@ import attrs
 import pytest
 
 pytest.importorskip("rclpy", reason="rclpy is not installed")
+
+from beacon_ros.domains import DomainLease
 
 SAMPLE_S = 2.0
 KILL_EVERY_S = 7.0
@@ -69,12 +71,20 @@ def test_nothing_grows_in_a_quarter_of_an_hour(soak: Callable[..., None]) -> Non
 
 
 @pytest.fixture
+def elsewhere() -> Iterator[int]:
+    """A domain beside the test's own."""
+    with DomainLease() as lease:
+        yield lease.domain_id
+
+
+@pytest.fixture
 def soak(
-    children: Any, gateway: Callable[[str], Any], wait_until: Callable[..., None]
+    children: Any, gateway: Callable[[str], Any], wait_until: Callable[..., None], elsewhere: int
 ) -> Callable[..., None]:
     def run(*, seconds: float, growth_mb: float) -> None:
         beacon = gateway(GATEWAY)
-        churn, bare = children.node("churn"), children.node("bare_churn")
+        churn = children.node("churn")
+        bare = children.node("bare_churn", env={"ROS_DOMAIN_ID": str(elsewhere)})
         watched = {"gateway": beacon.child, "churn": churn, "bare": bare}
         samples: dict[str, list[Sample]] = {name: [] for name in watched}
         begin = killed_at = time.monotonic()

@@ -5,10 +5,11 @@ from __future__ import annotations
 import gc
 import sys
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import pytest
 
-from beacon_gateway.console.process import keep_answers_prompt
+from beacon_gateway.console.process import keep_answers_prompt, keep_memory_together
 
 
 @pytest.fixture
@@ -28,3 +29,16 @@ def test_no_thread_keeps_another_waiting_for_long_and_what_is_loaded_is_not_sear
     assert sys.getswitchinterval() <= 0.001
     assert gc.get_freeze_count() > 10_000
     assert gc.isenabled()
+
+
+def test_what_threads_give_back_is_kept_in_two_heaps(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[int, int]] = []
+    libc = SimpleNamespace(mallopt=lambda what, value: asked.append((what, value)))
+    monkeypatch.setattr("ctypes.CDLL", lambda _: libc)
+    keep_memory_together()
+    assert asked == [(-8, 2)]
+
+
+def test_without_glibc_memory_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ctypes.CDLL", lambda _: SimpleNamespace())
+    keep_memory_together()
