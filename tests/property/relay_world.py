@@ -32,6 +32,11 @@ from tests.property.relay_watch import Watch
 __all__ = ["MS", "ORIGIN", "World", "seen"]
 
 
+HEAL_TURNS = 400
+"""Of half a second: routes of one topic follow each other, each with a publisher that may have to
+wait for 3 s."""
+
+
 class World:
     """The oracle checks each publication as it is made."""
 
@@ -374,10 +379,13 @@ class World:
         """Nothing fails any more, for long enough."""
         self.broken_publishers = False
         self.link()
-        for _ in range(40):
+        for turn in range(HEAL_TURNS):
             self.flow()
             self.match_all()
             self.pass_time(500 * MS, flowing=True)
+            sink = self.sink.core.stats()
+            if turn > 40 and not sink.missing + sink.held + sink.pending:
+                return
 
     def link(self) -> None:
         """A side that was not told of an outage must find out by itself what it has missed."""

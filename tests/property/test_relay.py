@@ -71,6 +71,7 @@ class Machine(Scenes):
         ),
         priorities=st.just([0, 0, 0, 0])
         | st.lists(st.sampled_from([0, 1, 6, 7]), min_size=4, max_size=4),
+        jostling=st.sampled_from([False, False, False, True]),
     )
     def begin(
         self,
@@ -86,7 +87,12 @@ class Machine(Scenes):
         link: float | None,
         shaping: Shaping,
         priorities: list[int],
+        jostling: bool,
     ) -> None:
+        if jostling:
+            # All there is room for, but the link: what waits, waits for who goes first.
+            hold, largest, routes, link, shaping = 10**6, 3000, 20, 50_000.0, UNSHAPED
+            priorities, first = sorted(priorities) if any(priorities) else [0, 1, 6, 7], len(TOPICS)
         self.world = World(
             Forwarding(
                 hold_bytes=hold,
