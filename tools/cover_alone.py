@@ -39,7 +39,13 @@ PRELOADED = [hypothesis]
 PLUGINS = ["-p", "pytest_timeout"]
 
 # The suites are made of tests themselves; tests/contract runs them against every carrier.
-SUITES = [CORE / "testing" / "contract", CORE / "testing" / "relay" / "conduits.py"]
+RELAY = CORE / "testing" / "relay"
+SUITES = [
+    CORE / "testing" / "contract",
+    RELAY / "conduits.py",
+    RELAY / "topic_sides.py",
+    RELAY / "topic_steps.py",
+]
 
 
 @attrs.frozen

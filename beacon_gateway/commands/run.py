@@ -17,7 +17,11 @@ from beacon_gateway.config import Config, Loaded, LogLevel, default_config, load
 from beacon_gateway.console.exits import Exit, Fault
 from beacon_gateway.console.flags import port
 from beacon_gateway.console.logs import set_up_logging
-from beacon_gateway.console.process import keep_answers_prompt, keep_memory_together
+from beacon_gateway.console.process import (
+    keep_answers_prompt,
+    keep_memory_together,
+    memory_given_back,
+)
 from beacon_gateway.console.signals import on_reload_signal, on_stop_signal
 from beacon_gateway.console.terminal import write_json
 from beacon_gateway.gateway import Gateway
@@ -66,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     for correction in loaded.corrections:
         _log.warning("%s", correction)
     access = Access(config.http)
-    with opened(config) as (server, gateway), on_stop_signal(server.stop):
+    with opened(config) as (server, gateway), on_stop_signal(server.stop), memory_given_back():
         _log.info("serving %s", server.url)
         if arguments.json:
             write_json({"url": server.url}, indent=None)

@@ -8,8 +8,11 @@ from __future__ import annotations
 import ctypes
 import gc
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 
-__all__ = ["keep_answers_prompt", "keep_memory_together"]
+__all__ = ["keep_answers_prompt", "keep_memory_together", "memory_given_back"]
 
 _SWITCH_S = 0.0005
 """How long a thread may go on while another one waits for Python's lock. By itself Python waits
@@ -36,6 +39,32 @@ def keep_memory_together() -> None:
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is not None:
         mallopt(_M_ARENA_MAX, _ARENAS)
+
+
+_TRIM_EACH_S = 30.0
+
+
+@contextmanager
+def memory_given_back(each_s: float = _TRIM_EACH_S) -> Iterator[None]:
+    """Within: what is free in the heaps is given back to the system now and then.
+
+    glibc gives back only what lies at a heap's end, and something always lies behind. Takes some
+    milliseconds, outside of Python's lock. Without glibc it does nothing.
+    """
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    ended = threading.Event()
+
+    def give_back() -> None:
+        while trim is not None and not ended.wait(each_s):
+            trim(0)
+
+    thread = threading.Thread(target=give_back, name="beacon-trim", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
 
 
 def keep_answers_prompt() -> None:

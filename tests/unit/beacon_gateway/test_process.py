@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import gc
+import queue
 import sys
+import threading
 from collections.abc import Iterator
 from types import SimpleNamespace
 
 import pytest
 
-from beacon_gateway.console.process import keep_answers_prompt, keep_memory_together
+from beacon_gateway.console.process import (
+    keep_answers_prompt,
+    keep_memory_together,
+    memory_given_back,
+)
 
 
 @pytest.fixture
@@ -42,3 +48,15 @@ def test_what_threads_give_back_is_kept_in_two_heaps(monkeypatch: pytest.MonkeyP
 def test_without_glibc_memory_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ctypes.CDLL", lambda _: SimpleNamespace())
     keep_memory_together()
+    with memory_given_back(0.001):
+        pass
+
+
+def test_what_is_free_is_given_back_until_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: queue.Queue[int] = queue.Queue()
+    monkeypatch.setattr("ctypes.CDLL", lambda _: SimpleNamespace(malloc_trim=asked.put))
+    with memory_given_back(0.001):
+        assert [asked.get(timeout=5) for _ in range(3)] == [0, 0, 0]
+    given = asked.qsize()
+    assert not [one for one in threading.enumerate() if one.name == "beacon-trim"]
+    assert asked.qsize() == given
