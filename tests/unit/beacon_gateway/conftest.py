@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import re
 import threading
 import uuid
@@ -28,6 +29,16 @@ from beacon_gateway.http import create_app
 from beacon_gateway.server import HttpServer
 
 _AT_ROOT_TOO = ("/metrics", "/livez", "/readyz")
+
+
+@pytest.fixture(autouse=True)
+def logs_as_before() -> Iterator[None]:
+    """A command logs to what stderr is during its test: nobody else is to."""
+    root = logging.getLogger()
+    handlers, level = root.handlers[:], root.level
+    yield
+    root.handlers[:] = handlers
+    root.setLevel(level)
 
 
 class Contract:
