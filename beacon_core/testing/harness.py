@@ -76,6 +76,8 @@ class Capabilities:
     """A message says, apart from its payload, whom it may speak for (a key, a node name)."""
     raw_payloads: bool = True
     """Hints travel as bytes, so that anybody can send anything: ``send_raw`` works."""
+    empty_payloads: bool = True
+    """A payload of no bytes at all arrives as such."""
     nul_in_text: bool = True
     """A text may hold a NUL character. Carriers of C strings end at it."""
 

@@ -30,7 +30,10 @@ class RosTopicHarness(RealTimeHarness):
     """A :class:`beacon_core.testing.harness.Harness`; each ``network`` is a ROS domain."""
 
     adapter: Adapter = ADAPTER
-    capabilities = Capabilities(vouches_for_ids=False)
+    capabilities = Capabilities(
+        vouches_for_ids=False,
+        empty_payloads=False,  # DDS has no sample without data; test_topic_traps.py has the rest
+    )
     quiet_s = 0.15  # within one machine what comes comes within a few ms
     hostile_payloads: Mapping[str, bytes] = HOSTILE_CDR
     bad_options: Sequence[Mapping[str, Any]] = (

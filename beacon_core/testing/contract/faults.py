@@ -33,6 +33,8 @@ class FaultChecks(ContractBase):
         self, harness: Harness, kind: str
     ) -> None:
         self.needs(harness, "raw_payloads")
+        if not HOSTILE_PAYLOADS[kind]:
+            self.needs(harness, "empty_payloads")
         listener = Listener(harness).start()
         harness.send_raw("hostile", HOSTILE_PAYLOADS[kind])
         self.eventually(

@@ -41,6 +41,10 @@ _LAST_WORDS_WITHIN_S = 0.3
 _HELD_STEP_S = 0.01
 _KEPT_BYTES = 16 * 1024 * 1024
 """Of the one buffer that all messages are taken into; a relay takes no larger ones."""
+_EMPTY = (
+    "a message of no bytes is not published: DDS has no such sample, and a reliable reader would "
+    "wait for it, and for all that comes after it, for ever"
+)
 
 
 class RosTopicSide:
@@ -57,6 +61,7 @@ class RosTopicSide:
         self._hub: Hub | None = None
         self._offers: dict[int, Offer] = {}
         self._holding: set[int] = set()
+        self._unpublished: dict[str, str] = {}
         # The rest belongs to the hub's thread.
         self._intakes: dict[int, Intake] = {}
         self._refused: dict[int, tuple[Subscribe, str]] = {}
@@ -92,6 +97,9 @@ class RosTopicSide:
         offer = self._offers.get(what.handle)
         if offer is None or self._hub is None or self._closed:
             return
+        if not what.payload:
+            self._refuse_empty(offer.what.topic)
+            return
         try:
             if not offer.publish(what):
                 self._holding.add(what.handle)
@@ -114,9 +122,15 @@ class RosTopicSide:
             self._hub.close(_CLOSE_WITHIN_S)
 
     def remarks(self) -> dict[str, str]:
-        """By topic: what of it is not heard, and why. Thread rule: any thread."""
+        """By topic: what of it is not heard or published, and why. Thread rule: any thread."""
         refused = {what.topic: why for what, why in list(self._refused.values())}
+        refused |= dict(self._unpublished)
         return refused if self._hub is None else {**self._watch.remarks, **refused}
+
+    def _refuse_empty(self, topic: str) -> None:
+        if topic not in self._unpublished:
+            self._unpublished[topic] = _EMPTY
+            _log.warning("%s: %s", topic, _EMPTY)
 
     def _do(self, action: Callable[[], object]) -> None:
         if self._hub is not None:

@@ -53,6 +53,23 @@ def test_a_message_of_another_version_of_the_type_is_not_delivered(
     assert NEWER.digest[:15] in side.remarks()["/topic"]
 
 
+def test_a_message_of_no_bytes_is_not_published_and_keeps_nothing_back(
+    ros: RosTopicSideHarness,
+    started: Started,
+    eventually: Eventually,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    side, watching = started()
+    side.create_publisher(publisher(1))
+    listener = ros.subscription("/topic", BYTES, QOS)
+    eventually(lambda: watching.last_match(1) == (1, 1))
+    for payload in (b"", b"", message(b"said")):
+        side.publish(Publish(1, payload, 0, 0xA, 1))
+    eventually(lambda: listener.received() == [message(b"said")])
+    assert "no bytes" in side.remarks()["/topic"]
+    assert caplog.text.count("/topic: a message of no bytes") == 1
+
+
 def test_the_graph_may_not_have_come_as_far_as_the_message(
     ros: RosTopicSideHarness,
     started: Started,
