@@ -6,15 +6,12 @@ import json
 import uuid
 from typing import Any
 
-import hypothesis
 import pytest
-from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import (
     RuleBasedStateMachine,
     initialize,
     rule,
-    run_state_machine_as_test,
 )
 
 from beacon_core.clock import ManualClock
@@ -33,6 +30,7 @@ from beacon_gateway.departures import Witness
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.live.ring import Ring
 from beacon_gateway.live.view import LiveView
+from tests.property.running import run
 
 TTLS = {"quick": 1.0, "slow": 10.0, "slower": 25.0}
 IDS = ["a", "a", "b", "c", "d"]
@@ -252,14 +250,4 @@ def timeless(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def test_a_snapshot_and_the_events_since_are_a_later_snapshot() -> None:
-    run_state_machine_as_test(
-        hypothesis.seed(0)(Machine),
-        settings=settings(
-            max_examples=200,
-            stateful_step_count=40,
-            deadline=None,
-            database=None,
-            phases=[Phase.generate, Phase.shrink],
-            suppress_health_check=list(HealthCheck),
-        ),
-    )
+    run(Machine, runs=200, steps_per_run=40, seed=0)

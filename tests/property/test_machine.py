@@ -24,9 +24,7 @@ from typing import Any
 from unittest.mock import patch
 
 import attrs
-import hypothesis
 import pytest
-from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import (
     RuleBasedStateMachine,
@@ -34,7 +32,6 @@ from hypothesis.stateful import (
     invariant,
     precondition,
     rule,
-    run_state_machine_as_test,
 )
 
 from beacon_core import lifecycle
@@ -65,6 +62,7 @@ from tests.property.drawn import (
 )
 from tests.property.naive_intake import nameless
 from tests.property.naive_store import Entity, NaiveStore, Voice, picture
+from tests.property.running import first_seed, run
 from tests.property.side_by_side import (
     Pair,
     Reader,
@@ -507,37 +505,15 @@ def small_world(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     logging.disable(logging.NOTSET)
 
 
-def run(seed: int, runs: int) -> None:
-    """So many runs of a machine: always the same ones for a seed."""
-    # Shrinking takes minutes, and to know that something fails it is not needed.
-    shrink = [] if os.environ.get("BEACON_MACHINE_SHRINK") == "0" else [Phase.shrink]
-    rules = settings(
-        max_examples=runs,
-        stateful_step_count=STEPS_PER_RUN,
-        deadline=None,
-        database=None,
-        phases=[Phase.generate, *shrink],
-        suppress_health_check=list(HealthCheck),
-        report_multiple_bugs=False,
-    )
-    seeded = hypothesis.seed(seed)(type("Seeded", (Machine,), {}))
-    run_state_machine_as_test(seeded, settings=rules)
-
-
 def steps() -> int:
     return sum(count * times for count, times in steps_taken.items())
-
-
-def first_seed() -> int:
-    return int(os.environ.get("BEACON_MACHINE_SEED", "1"))
 
 
 # Only a failing run takes that long: it is made as small as it can be.
 @pytest.mark.timeout(900)
 def test_whatever_happens_the_core_does_what_the_naive_rules_say() -> None:
-    print(f"seed {first_seed()}")  # noqa: T201 - shown when it fails
     try:
-        run(first_seed(), RUNS_PER_SEED)
+        run(Machine, runs=RUNS_PER_SEED, steps_per_run=STEPS_PER_RUN)
     finally:
         print(f"{steps()} steps")  # noqa: T201
     assert steps() >= CI_STEPS
@@ -552,7 +528,7 @@ def test_so_it_does_for_as_long_as_one_cares_to_watch(capsys: pytest.CaptureFixt
     began, seed = time.monotonic(), first_seed()
     while steps() < wanted:
         # A seed at a time, since what was tried before is remembered for as long as one lasts.
-        run(seed, RUNS_PER_SEED)
+        run(Machine, runs=RUNS_PER_SEED, steps_per_run=STEPS_PER_RUN, seed=seed)
         with capsys.disabled():
             took = time.monotonic() - began
             print(f"seed {seed} passed; {steps()} steps in {took:.0f} s", flush=True)  # noqa: T201

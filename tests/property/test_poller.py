@@ -14,13 +14,10 @@ back-off, the bound on the gaps of a live node.
 from __future__ import annotations
 
 import copy
-import os
 from collections.abc import Iterator
 
 import attrs
-import hypothesis
 import pytest
-from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import (
     RuleBasedStateMachine,
@@ -28,11 +25,11 @@ from hypothesis.stateful import (
     invariant,
     precondition,
     rule,
-    run_state_machine_as_test,
 )
 
 from beacon_core.poller import PollPlan
 from tests.property.naive_poller import Naive, Setup
+from tests.property.running import run
 
 RUNS, STEPS_PER_RUN = 120, 40
 S = 1_000_000_000
@@ -464,21 +461,7 @@ def _nothing_met() -> Iterator[None]:
 @pytest.mark.timeout(600)
 @pytest.mark.usefixtures("_nothing_met")
 def test_whatever_happens_the_plan_keeps_its_promises() -> None:
-    seeded = hypothesis.seed(int(os.environ.get("BEACON_MACHINE_SEED", "1")))(
-        type("Seeded", (Machine,), {})
-    )
-    # Shrinking takes minutes, and to know that something fails it is not needed.
-    shrink = [] if os.environ.get("BEACON_MACHINE_SHRINK") == "0" else [Phase.shrink]
-    rules = settings(
-        phases=[Phase.generate, *shrink],
-        max_examples=RUNS,
-        stateful_step_count=STEPS_PER_RUN,
-        deadline=None,
-        database=None,
-        suppress_health_check=list(HealthCheck),
-        report_multiple_bugs=False,
-    )
-    run_state_machine_as_test(seeded, settings=rules)
+    run(Machine, runs=RUNS, steps_per_run=STEPS_PER_RUN)
     assert met >= {
         "a cycle that was cut",
         "a gap of more than a cycle and a timeout",

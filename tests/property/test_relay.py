@@ -18,15 +18,12 @@ import random
 from collections import Counter
 
 import attrs
-import hypothesis
 import pytest
-from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import (
     initialize,
     invariant,
     rule,
-    run_state_machine_as_test,
 )
 
 from beacon_core.relay.effects import Send
@@ -36,6 +33,7 @@ from beacon_core.relay.settings import Forwarding, Republishing
 from beacon_core.relay.shaping import UNSHAPED, Shaping
 from tests.property.relay_scenes import Scenes
 from tests.property.relay_world import MS, ORIGIN, World, seen
+from tests.property.running import run
 
 STEPS = int(os.environ.get("BEACON_RELAY_STEPS", "100000")) * 19 // 20
 # The others are those of test_relay_many.py and test_relay_rings.py, which cost more each.
@@ -269,21 +267,8 @@ def not_believed(frame: object, epoch: int) -> bool:
 @pytest.mark.timeout(1200)
 def test_whatever_happens_no_message_is_lost_uncounted_repeated_or_out_of_order() -> None:
     met.clear()
-    seeded = hypothesis.seed(int(os.environ.get("BEACON_MACHINE_SEED", "1")))(
-        type("Seeded", (Machine,), {})
-    )
-    shrink = [] if os.environ.get("BEACON_MACHINE_SHRINK") == "0" else [Phase.shrink]
-    rules = settings(
-        phases=[Phase.generate, *shrink],
-        max_examples=max(1, STEPS // STEPS_PER_RUN),
-        stateful_step_count=STEPS_PER_RUN,
-        deadline=None,
-        database=None,
-        suppress_health_check=list(HealthCheck),
-        report_multiple_bugs=False,
-    )
     try:
-        run_state_machine_as_test(seeded, settings=rules)
+        run(Machine, runs=max(1, STEPS // STEPS_PER_RUN), steps_per_run=STEPS_PER_RUN)
     finally:
         print(f"{met['steps']} steps")  # noqa: T201
 

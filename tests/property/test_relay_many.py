@@ -14,9 +14,7 @@ import os
 from collections import Counter
 
 import attrs
-import hypothesis
 import pytest
-from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import (
     RuleBasedStateMachine,
@@ -24,7 +22,6 @@ from hypothesis.stateful import (
     invariant,
     precondition,
     rule,
-    run_state_machine_as_test,
 )
 
 from beacon_core.relay.effects import CreatePublisher, Publish, Send, Subscribe
@@ -38,6 +35,7 @@ from beacon_core.relay.settings import Forwarding, Republishing
 from beacon_core.relay.shaping import UNSHAPED, Shaping
 from beacon_core.relay.values import Mode, Qos, TopicType
 from tests.property.relay_net import MS, End, Net
+from tests.property.running import run
 
 STEPS = int(os.environ.get("BEACON_RELAY_STEPS", "100000")) // 20
 STEPS_PER_RUN = 100
@@ -398,21 +396,8 @@ def seen(number: int, depth: int) -> SeenTopic:
 @pytest.mark.timeout(1200)
 def test_many_relays_on_one_conduit_mix_up_nothing() -> None:
     met.clear()
-    seeded = hypothesis.seed(int(os.environ.get("BEACON_MACHINE_SEED", "1")))(
-        type("Seeded", (Machine,), {})
-    )
-    shrink = [] if os.environ.get("BEACON_MACHINE_SHRINK") == "0" else [Phase.shrink]
-    rules = settings(
-        phases=[Phase.generate, *shrink],
-        max_examples=max(1, STEPS // STEPS_PER_RUN),
-        stateful_step_count=STEPS_PER_RUN,
-        deadline=None,
-        database=None,
-        suppress_health_check=list(HealthCheck),
-        report_multiple_bugs=False,
-    )
     try:
-        run_state_machine_as_test(seeded, settings=rules)
+        run(Machine, runs=max(1, STEPS // STEPS_PER_RUN), steps_per_run=STEPS_PER_RUN)
     finally:
         print(f"{met['steps']} steps")  # noqa: T201
     assert met.keys() >= {"arrived", "forgotten"} or STEPS < 2500

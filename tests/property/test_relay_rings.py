@@ -26,12 +26,13 @@ from beacon_core.relay.settings import Forwarding, Republishing
 from beacon_core.relay.shaping import UNSHAPED, Shaping
 from beacon_core.relay.values import Mode, Qos, TopicType
 from tests.property.relay_net import MS, End, Net, Published
+from tests.property.running import first_seed
 
 STEPS = int(os.environ.get("BEACON_RELAY_STEPS", "100000"))
 KIND = TopicType("pkg/msg/T", "RIHS01_1")
 SEEN = SeenTopic(KIND, Qos(depth=3))
 
-seeded = hypothesis.seed(int(os.environ.get("BEACON_MACHINE_SEED", "1")))
+seeded = hypothesis.seed(first_seed())
 often = settings(
     max_examples=max(5, STEPS // 500),
     deadline=None,
