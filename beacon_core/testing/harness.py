@@ -9,7 +9,6 @@ Nothing here imports pytest, so a harness may also be used outside the suite.
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any, Protocol
@@ -27,6 +26,7 @@ from beacon_core.ports.sink import HintSink
 from beacon_core.ports.source import HintSource
 from beacon_core.store import HintStore
 from beacon_core.testing.hostile import HOSTILE_JSON
+from beacon_core.testing.waiting import wait_until
 
 __all__ = [
     "CLOSE_WITHIN_S",
@@ -200,13 +200,7 @@ class RealTimeHarness:
         return nullcontext()
 
     def wait_until(self, predicate: Callable[[], bool], deadline_s: float) -> bool:
-        deadline = time.monotonic() + deadline_s
-        pause = threading.Event()
-        while not predicate():
-            if time.monotonic() >= deadline:
-                return False
-            pause.wait(0.005)
-        return True
+        return wait_until(predicate, deadline_s)
 
     def close(self) -> None:
         for thing in reversed(self._made):

@@ -23,7 +23,7 @@ pytest.importorskip("zenoh", reason="eclipse-zenoh is not installed")
 pytest.importorskip("xxhash", reason="xxhash is not installed")
 
 from beacon_core.relay.values import Qos, TopicType
-from beacon_core.testing.relay.topic_harness import wait_until
+from beacon_core.testing.waiting import wait_until
 from beacon_zenoh.harness import free_endpoint
 from beacon_zenoh.rmw_relay.harness import BYTES, TEXT, Peers, RmwTopicSideHarness, message, text
 

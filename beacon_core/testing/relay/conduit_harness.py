@@ -8,7 +8,6 @@ Nothing here imports pytest, so a harness may also be used outside the suite.
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -18,6 +17,7 @@ from typing import Protocol
 import attrs
 
 from beacon_core.ports.conduit import Conduit
+from beacon_core.testing.waiting import wait_until
 
 __all__ = [
     "ConduitCapabilities",
@@ -111,13 +111,7 @@ class RealTimeConduitHarness:
         raise NotImplementedError
 
     def wait_until(self, predicate: Callable[[], bool], deadline_s: float) -> bool:
-        deadline = time.monotonic() + deadline_s
-        pause = threading.Event()
-        while not predicate():
-            if time.monotonic() >= deadline:
-                return False
-            pause.wait(0.002)
-        return True
+        return wait_until(predicate, deadline_s, pause_s=0.002)
 
     def close(self) -> None:
         """For subclasses that have something to close."""

@@ -6,9 +6,8 @@ Nothing here imports pytest, so a harness may also be used outside the suite.
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Protocol
 
 import attrs
 
@@ -23,7 +22,6 @@ __all__ = [
     "TopicCapabilities",
     "TopicHarness",
     "Watching",
-    "wait_until",
 ]
 
 
@@ -175,14 +173,3 @@ class Watching:
             self.calls += 1
         if self.hook is not None:
             self.hook()
-
-
-def wait_until(predicate: Callable[[], Any], deadline_s: float) -> bool:
-    """Wait until it holds (``True``) or the time is over (``False``); looks each 5 ms."""
-    deadline = time.monotonic() + deadline_s
-    pause = threading.Event()
-    while not predicate():
-        if time.monotonic() >= deadline:
-            return False
-        pause.wait(0.005)
-    return True

@@ -24,7 +24,6 @@ from beacon_core.testing.harness import CLOSE_WITHIN_S, within
 from beacon_core.testing.relay.topic_harness import (
     TopicHarness,
     Watching,
-    wait_until,
 )
 from beacon_core.testing.relay.topic_steps import (
     FIRST,
@@ -40,6 +39,7 @@ from beacon_core.testing.relay.topic_steps import (
     subscribed,
     type_of,
 )
+from beacon_core.testing.waiting import wait_until
 
 __all__ = ["TopicSideContract"]
 

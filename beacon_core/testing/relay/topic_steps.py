@@ -17,8 +17,8 @@ from beacon_core.testing.relay.topic_harness import (
     PeerPublisher,
     TopicHarness,
     Watching,
-    wait_until,
 )
+from beacon_core.testing.waiting import wait_until
 
 __all__ = [
     "FIRST",

@@ -11,7 +11,8 @@ import pytest
 from beacon_core.errors import UsageError
 from beacon_core.relay.effects import CreatePublisher, Publish, Subscribe
 from beacon_core.relay.values import Qos, TopicType
-from beacon_core.testing.relay.topic_harness import Watching, wait_until
+from beacon_core.testing.relay.topic_harness import Watching
+from beacon_core.testing.waiting import wait_until
 from beacon_fake.topic_harness import FakeTopicHarness
 from beacon_fake.topic_side import FakeTopics, FakeTopicSide
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from beacon_core.testing.relay.topic_harness import wait_until
+from beacon_core.testing.waiting import wait_until
 from beacon_zenoh.rmw_relay.teller import Teller
 
 

@@ -15,7 +15,11 @@ import zenoh
 from beacon_core.errors import ConfigError, UsageError
 from beacon_core.relay.effects import CreatePublisher, Publish, Subscribe
 from beacon_core.relay.values import Qos, TopicType
-from beacon_core.testing.relay.topic_harness import PeerPublisher, Watching, wait_until
+from beacon_core.testing.relay.topic_harness import (
+    PeerPublisher,
+    Watching,
+)
+from beacon_core.testing.waiting import wait_until
 from beacon_zenoh.config import session_config
 from beacon_zenoh.harness import free_endpoint
 from beacon_zenoh.options import ZenohOptions

@@ -10,8 +10,8 @@ from beacon_core.testing.relay.topic_harness import (
     Heard,
     TopicCapabilities,
     Watching,
-    wait_until,
 )
+from beacon_core.testing.waiting import wait_until
 
 SEEN = SeenTopic(TopicType("a/msg/B", "RIHS01_1"))
 
