@@ -18,11 +18,10 @@ from beacon_core.errors import ConfigError
 from beacon_core.limits import MAX_HINTS
 from beacon_core.ports.adapter import Adapter
 from beacon_core.skew import SkewPolicy
-from beacon_core.validator import is_valid_id
 from beacon_gateway.access.options import AuthConfig, CorsConfig, RateLimitConfig, TlsConfig
 from beacon_gateway.adapters import load_adapter
 from beacon_gateway.documents import read_yaml
-from beacon_gateway.ids import an_id, an_id_or_empty, ids
+from beacon_gateway.ids import an_id, an_id_or_empty, ids, named
 from beacon_gateway.problems import DocumentError, Problem, headed
 from beacon_gateway.relay.config import RelayConfig
 from beacon_gateway.relay.config import register as register_relay
@@ -46,6 +45,7 @@ __all__ = [
     "LogLevel",
     "Lookup",
     "SourceConfig",
+    "a_port",
     "default_config",
     "load_config",
     "parse_config",
@@ -83,7 +83,8 @@ class LogFormat(enum.StrEnum):
     """One object per line."""
 
 
-def _port(_: object, __: object, value: int) -> None:
+def a_port(_: object, __: object, value: int) -> None:
+    """An attrs validator."""
     if not 0 <= value <= 65535:
         raise ValueError(f"found the number {value}; give a port, 0 to 65535 (0: any free one)")
 
@@ -99,22 +100,12 @@ def _unlike(_: object, __: object, value: tuple[_Entry, ...]) -> None:
         raise ValueError(f"given more than once: {', '.join(twice)}; give each id once")
 
 
-def _named(_: object, __: object, value: Mapping[str, object]) -> None:
-    if not value:
-        raise ValueError("found no source; give at least one, or leave the key out for the default")
-    for name in value:
-        if not is_valid_id(name):
-            raise ValueError(
-                f"found a source named {ascii(name)[:60]}; give a name of A-Z a-z 0-9 _ -"
-            )
-
-
 @attrs.frozen
 class HttpConfig:
     """Where the gateway serves."""
 
     host: str = "127.0.0.1"
-    port: int = attrs.field(default=8080, validator=_port)
+    port: int = attrs.field(default=8080, validator=a_port)
     max_streams: int = attrs.field(default=2000, metadata={"at_least": 1})
     metrics_per_entity: bool = False
     """``/metrics`` also has a series for each entity."""
@@ -225,7 +216,9 @@ class Config:
 
     http: HttpConfig = HttpConfig()
     sources: Mapping[str, SourceConfig] = attrs.field(
-        validator=_named,
+        validator=named(
+            "a source", "found no source; give at least one, or leave the key out for the default"
+        ),
         kw_only=True,
         metadata={"right": "sources by name, such as {robots: {adapter: zenoh}}"},
     )

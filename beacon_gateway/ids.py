@@ -1,10 +1,12 @@
-"""Ids in documents: attrs validators that say what an id is."""
+"""Ids and names in documents: attrs validators that say what they may be."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+
 from beacon_core.validator import is_valid_id
 
-__all__ = ["an_id", "an_id_or_empty", "ids"]
+__all__ = ["an_id", "an_id_or_empty", "ids", "named"]
 
 
 def an_id(_: object, __: object, value: str) -> None:
@@ -25,3 +27,18 @@ def ids(instance: object, attribute: object, value: tuple[str, ...]) -> None:
     """The same, for each of them."""
     for entry in value:
         an_id(instance, attribute, entry)
+
+
+def named(word: str, none: str) -> Callable[[object, object, Mapping[str, object]], None]:
+    """A validator of things by name: ``word`` says what one is, ``none`` that there is none."""
+
+    def check(_: object, __: object, value: Mapping[str, object]) -> None:
+        if not value:
+            raise ValueError(none)
+        for name in value:
+            if not is_valid_id(name):
+                raise ValueError(
+                    f"found {word} named {ascii(name)[:60]}; give a name of A-Z a-z 0-9 _ -"
+                )
+
+    return check

@@ -7,20 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Literal
 
 import attrs
 
-from beacon_core.errors import ConfigError
 from beacon_core.ports.relaying import CONDUIT_GROUP, NETWORK_GROUP
 from beacon_core.relay.names import NameMap, Rule
 from beacon_core.relay.settings import Forwarding, Republishing
 from beacon_core.relay.shaping import Shaping, is_rate
 from beacon_core.relay.values import Mode
-from beacon_core.validator import is_valid_id
-from beacon_gateway.problems import did_you_mean
+from beacon_gateway.adapters import find_installed
+from beacon_gateway.ids import named
 from beacon_gateway.structuring import Structurer
 
 __all__ = [
@@ -32,7 +30,6 @@ __all__ = [
     "RelayConfig",
     "RepublishConfig",
     "RuleConfig",
-    "find_installed",
     "register",
 ]
 
@@ -48,16 +45,6 @@ def _pattern_of_one(instance: RuleConfig, _: object, value: str) -> None:
 def _origin(_: object, __: object, value: int | None) -> None:
     if value is not None and not 0 < value < 2**63:
         raise ValueError("give a whole number above 0 and below 2**63, or leave it out")
-
-
-def _named(_: object, __: object, value: Mapping[str, object]) -> None:
-    if not value:
-        raise ValueError("found no end; give at least one, such as {robot: {network: ...}}")
-    for name in value:
-        if not is_valid_id(name):
-            raise ValueError(
-                f"found an end named {ascii(name)[:60]}; give a name of A-Z a-z 0-9 _ -"
-            )
 
 
 @attrs.frozen
@@ -171,25 +158,16 @@ class RelayConfig:
     """Everything that can be configured."""
 
     ends: Mapping[str, EndConfig] = attrs.field(
-        validator=_named, metadata={"right": "ends by name, such as {robot: {network: ...}}"}
+        validator=named(
+            "an end", "found no end; give at least one, such as {robot: {network: ...}}"
+        ),
+        metadata={"right": "ends by name, such as {robot: {network: ...}}"},
     )
     state_folder: Path | None = None
     """``None``: where programs of this user keep their state."""
     identity: str = ""
     """What tells this relay's ends from those of others on this machine, for ever; empty: where
     the configuration lies."""
-
-
-def find_installed(group: str, name: str) -> Any:
-    """The adapter that a package has registered. ``ConfigError`` with what there is instead."""
-    points = {point.name: point for point in entry_points(group=group)}
-    if name not in points:
-        kind = group.removeprefix("beacon.").removesuffix("s")
-        raise ConfigError(f"no {kind} {name!r} is installed{did_you_mean(name, points)}")
-    try:
-        return points[name].load()
-    except Exception as error:  # whatever somebody else's package raises when imported
-        raise ConfigError(f"{name!r} cannot be loaded: {error}") from error
 
 
 def register(structurer: Structurer, find: Find = find_installed) -> None:

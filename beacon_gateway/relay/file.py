@@ -6,9 +6,10 @@ from pathlib import Path
 
 import attrs
 
-from beacon_gateway.config import LogFormat, LogLevel
+from beacon_gateway.adapters import find_installed
+from beacon_gateway.config import LogFormat, LogLevel, a_port
 from beacon_gateway.documents import read_yaml
-from beacon_gateway.relay.config import Find, RelayConfig, find_installed, register
+from beacon_gateway.relay.config import Find, RelayConfig, register
 from beacon_gateway.structuring import Structurer
 
 __all__ = ["RelayFile", "RelayHttp", "load_relay_file", "parse_relay_file"]
@@ -24,17 +25,12 @@ def _loopback(_: object, __: object, value: str) -> None:
         )
 
 
-def _port(_: object, __: object, value: int) -> None:
-    if not 0 <= value <= 65535:
-        raise ValueError(f"found the number {value}; give a port, 0 to 65535 (0: any free one)")
-
-
 @attrs.frozen
 class RelayHttp:
     """Where ``beacon relay status`` asks."""
 
     host: str = attrs.field(default="127.0.0.1", validator=_loopback)
-    port: int = attrs.field(default=8090, validator=_port)
+    port: int = attrs.field(default=8090, validator=a_port)
 
 
 @attrs.frozen

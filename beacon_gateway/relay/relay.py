@@ -12,8 +12,9 @@ from beacon_core.clock import Clock, SystemClock
 from beacon_core.errors import ConfigError
 from beacon_core.ports.relaying import CONDUIT_GROUP, NETWORK_GROUP
 from beacon_core.relay.names import Link, find_loop
+from beacon_gateway.adapters import find_installed
 from beacon_gateway.relay.births import ForwarderBirth, RepublisherBirth
-from beacon_gateway.relay.config import EndConfig, Find, RelayConfig, find_installed
+from beacon_gateway.relay.config import EndConfig, Find, RelayConfig
 from beacon_gateway.relay.end import End, State
 from beacon_gateway.relay.identity import default_state_folder, new_asker, next_epoch, origin_of
 from beacon_gateway.relay.squeeze import SqueezingConduit

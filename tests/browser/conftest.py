@@ -7,8 +7,9 @@ import shutil
 import threading
 import time
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, contextmanager
+from importlib.metadata import entry_points
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -28,13 +29,13 @@ from beacon_core.ports.relaying import (
 )
 from beacon_fake import ADAPTER, FakeAnnouncer, FakeNetwork, share_network, unshare_network
 from beacon_fake.topic_side import FakeTopics
+from beacon_gateway import adapters
 from beacon_gateway.access.api_tokens import ApiToken, Identity
 from beacon_gateway.access.roles import Role
 from beacon_gateway.access.secrets import hash_token, new_token
 from beacon_gateway.config import parse_config
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.http import create_app
-from beacon_gateway.relay import config as relay_config
 from beacon_gateway.server import HttpServer
 from beacon_local import CONDUIT as LOCAL
 
@@ -194,18 +195,20 @@ class RelayingStage:
 @pytest.fixture
 def relaying_stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[RelayingStage]:
     networks = {"robot": FakeTopics(), "site": FakeTopics()}
-    adapters: dict[str, NetworkAdapter | ConduitAdapter] = {
+    registered: dict[str, NetworkAdapter | ConduitAdapter] = {
         NETWORK_GROUP: NetworkAdapter(
             "memory", Memory, lambda one: networks[one.name].side(), lambda one: one.name
         ),
         CONDUIT_GROUP: LOCAL,
     }
 
-    def points(*, group: str) -> list[Any]:
-        adapter = adapters[group]
+    def points(*, group: str) -> Iterable[Any]:
+        if group not in registered:
+            return entry_points(group=group)
+        adapter = registered[group]
         return [SimpleNamespace(name=adapter.name, load=lambda: adapter)]
 
-    monkeypatch.setattr(relay_config, "entry_points", points)
+    monkeypatch.setattr(adapters, "entry_points", points)
     conduit = {"adapter": "local", "options": {"name": uuid.uuid4().hex}}
     ends = {
         name: {

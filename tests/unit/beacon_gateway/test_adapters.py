@@ -8,12 +8,13 @@ import pytest
 
 from beacon_core.errors import ConfigError
 from beacon_core.ports.adapter import Adapter
+from beacon_core.ports.relaying import CONDUIT_GROUP, NETWORK_GROUP
 from beacon_gateway import adapters
 
 
 def registered(monkeypatch: pytest.MonkeyPatch, **points: str) -> None:
     known = {name: EntryPoint(name, value, "beacon.adapters") for name, value in points.items()}
-    monkeypatch.setattr(adapters, "installed", lambda: known)
+    monkeypatch.setattr(adapters, "installed", lambda _: known)
 
 
 def test_our_own_adapters_are_registered() -> None:
@@ -64,6 +65,19 @@ def test_where_an_extra_of_that_name_exists_it_is_the_thing_to_install(
     assert "zenoh" in points
     with pytest.raises(ConfigError, match=r"run: pip install 'beacon-core\[zenoh\]'$"):
         adapters.load_adapter("zenoh")
+
+
+def test_an_extra_serves_all_adapters_whose_names_begin_with_its_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def load(_: EntryPoint) -> object:
+        raise ModuleNotFoundError("No module named 'rclpy'", name="rclpy")
+
+    monkeypatch.setattr(EntryPoint, "load", load)
+    with pytest.raises(ConfigError, match=r"the network 'ros' .* 'beacon-core\[ros\]'$"):
+        adapters.find_installed(NETWORK_GROUP, "ros")
+    with pytest.raises(ConfigError, match=r"the conduit 'ros_topic' .* 'beacon-core\[ros\]'$"):
+        adapters.find_installed(CONDUIT_GROUP, "ros_topic")
 
 
 def test_an_adapter_that_fails_when_imported_is_one_sentence(

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from functools import partial
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
@@ -58,9 +59,11 @@ class Plant:
             raise ConfigError(f"no {group} {name!r}")
         return known[group, name]
 
-    def entry_points(self, *, group: str) -> list[Point]:
+    def entry_points(self, *, group: str) -> Iterable[Point | EntryPoint]:
         """As ``importlib.metadata`` has them."""
         names = {NETWORK_GROUP: "memory", CONDUIT_GROUP: "local"}
+        if group not in names:
+            return entry_points(group=group)
         return [Point(names[group], partial(self.find, group, names[group]))]
 
     def config(self, ends: Mapping[str, Any], **more: Any) -> RelayFile:

@@ -12,10 +12,9 @@ import pytest
 import yaml
 from starlette.applications import Starlette
 
-from beacon_gateway import cli
+from beacon_gateway import adapters, cli
 from beacon_gateway.commands import relay as command
 from beacon_gateway.console.exits import Exit
-from beacon_gateway.relay import config as relay_config
 from beacon_gateway.relay.relay import Relay
 from beacon_gateway.server import HttpServer, free_port
 from tests.unit.beacon_gateway.relay.plant import Plant, end, wait_for
@@ -97,7 +96,7 @@ def written(
     plant: Plant, one_way: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Path:
     """A configuration in a file, with the tests' own networks."""
-    monkeypatch.setattr(relay_config, "entry_points", plant.entry_points)
+    monkeypatch.setattr(adapters, "entry_points", plant.entry_points)
     path = tmp_path / "relay.yaml"
     document = {"ends": one_way, "http": {"port": 0}, "state_folder": str(tmp_path / "state")}
     path.write_text(yaml.safe_dump(document))

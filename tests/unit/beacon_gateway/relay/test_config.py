@@ -12,7 +12,7 @@ from beacon_core.relay.names import Rule
 from beacon_core.relay.settings import DEFAULT_FORWARDING, DEFAULT_REPUBLISHING
 from beacon_core.relay.shaping import Shaping
 from beacon_core.relay.values import Mode
-from beacon_gateway.relay.config import find_installed
+from beacon_gateway.adapters import find_installed
 from tests.unit.beacon_gateway.relay.plant import Plant, end
 
 MS = 10**6

@@ -14,12 +14,11 @@ import pytest
 from beacon_core.clock import SystemClock
 from beacon_core.errors import ConfigError
 from beacon_fake import FakeNetwork, share_network, unshare_network
-from beacon_gateway import cli
+from beacon_gateway import adapters, cli
 from beacon_gateway.config import parse_config
 from beacon_gateway.console.exits import Exit
 from beacon_gateway.gateway import Gateway
 from beacon_gateway.http import create_app
-from beacon_gateway.relay import config as relay_config
 from beacon_gateway.relay.routes import RELAY_PATH
 from beacon_gateway.server import HttpServer
 from tests.unit.beacon_gateway.relay.plant import Plant, wait_for
@@ -30,7 +29,7 @@ def document(
     plant: Plant, one_way: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[dict[str, Any]]:
     share_network(FakeNetwork(SystemClock()), str(tmp_path))
-    monkeypatch.setattr(relay_config, "entry_points", plant.entry_points)
+    monkeypatch.setattr(adapters, "entry_points", plant.entry_points)
     yield {
         "sources": {"test": {"adapter": "fake", "options": {"network": str(tmp_path)}}},
         "relay": {"ends": one_way, "state_folder": str(tmp_path)},

@@ -7,7 +7,7 @@ import random
 import pytest
 import zstandard
 
-from beacon_core.relay.frames import Content, Malformed, Reset, decode, encode
+from beacon_core.relay.frames import FLAGS_AT, Content, Malformed, Reset, decode, encode
 from beacon_gateway.relay.squeeze import SqueezingConduit
 from tests.unit.beacon_gateway.relay.test_end import Wire
 
@@ -46,7 +46,7 @@ def opened(wire: Wire, *, squeezes: bool = True) -> tuple[SqueezingConduit, Told
 
 
 def squeezed(wire: Wire) -> list[bool]:
-    return [header[3] != 0 for header, _ in wire.sent]
+    return [header[FLAGS_AT] != 0 for header, _ in wire.sent]
 
 
 @pytest.mark.parametrize("payload", [b"", b"x", TEXT, noise(5000), bytes(100_000)])
@@ -135,7 +135,7 @@ def test_what_cannot_be_unpacked_is_no_frame(wire: Wire, payload: bytes) -> None
     _, told = opened(wire)
     header, _ = content(b"")
     assert wire.sink is not None
-    wire.sink.frame(header[:3] + b"\x80" + header[4:], payload)
+    wire.sink.frame(header[:FLAGS_AT] + b"\x80" + header[FLAGS_AT + 1 :], payload)
     ((header, payload),) = told.frames
     assert isinstance(decode(header, payload), Malformed)
 
