@@ -31,13 +31,16 @@ from beacon_core.relay.values import Mode, Qos, TopicType
 
 __all__ = [
     "CONTENT",
+    "FLAGS_AT",
     "HEAD",
     "HEADER_BYTES",
+    "KIND_AT",
     "MAX_DEFINITION_BYTES",
     "MAX_ENTRIES",
     "MAX_RANGES",
     "MAX_SPAN",
     "MAX_WANTED",
+    "ROUTE_AT",
     "VERSION",
     "Advertisement",
     "Content",
@@ -205,6 +208,10 @@ What these mean in other frames is known here only. For who has no time for more
 
 CONTENT = int(Kind.CONTENT)
 """The kind; an enum's member costs a call to pack."""
+
+KIND_AT, FLAGS_AT, ROUTE_AT = 1, 3, slice(4, 24)
+"""Where a header has these bytes; a route's are its origin, its epoch and its number. For who looks
+at a frame on its way."""
 
 _ADVERT = struct.Struct("<IQQBI")
 _DIGEST = struct.Struct("<QQI")

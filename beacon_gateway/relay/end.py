@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import attrs
 
@@ -29,14 +29,15 @@ from beacon_core.relay.effects import (
 )
 from beacon_core.relay.forwarder import Forwarder
 from beacon_core.relay.forwarding import ForwarderStats, RouteStatus, SeenTopic
-from beacon_core.relay.frames import Kind
+from beacon_core.relay.frames import KIND_AT, Kind
 from beacon_core.relay.names import Ruling
 from beacon_core.relay.republisher import Republisher
 from beacon_core.relay.republishing import LaneStatus, RepublisherStats
+from beacon_gateway.relay.trace import CoreTrace
 from beacon_gateway.relay.turns import Turns
 from beacon_gateway.relay.waker import Waker
 
-__all__ = ["End", "Explained", "State", "Trace"]
+__all__ = ["End", "Explained", "State"]
 
 _log = logging.getLogger(__name__)
 
@@ -65,21 +66,6 @@ class Explained:
     """Its own; more than one while an old one lingers."""
 
 
-class Trace(Protocol):
-    """Is told all that a core was told, and what it answered, in that order, one at a time."""
-
-    def write(
-        self,
-        one: int,
-        method: str,
-        args: tuple[Any, ...],
-        named: dict[str, Any],
-        now_ns: int,
-        effects: list[Effect],
-    ) -> None:
-        """``one``: 0 of the forwarder, 1 of the republisher."""
-
-
 class End:
     """Thread rule: ``start`` and ``close`` from one thread, all else from any."""
 
@@ -92,7 +78,7 @@ class End:
         *,
         forwarder: Forwarder | None = None,
         republisher: Republisher | None = None,
-        trace: Trace | None = None,
+        trace: CoreTrace | None = None,
     ) -> None:
         self.name, self._trace = name, trace
         self._side, self._conduit, self._now_ns = side, conduit, clock.monotonic_ns
@@ -156,7 +142,7 @@ class End:
 
     def frame(self, header: bytes, payload: bytes) -> None:
         """A frame has come: a reset is the forwarder's, all others are the republisher's."""
-        one = 0 if len(header) > 1 and header[1] == _RESET else 1
+        one = 0 if len(header) > KIND_AT and header[KIND_AT] == _RESET else 1
         if one not in self._cores:
             # It only counts it.
             one = 1 - one

@@ -24,14 +24,12 @@ import attrs
 import zstandard
 
 from beacon_core.ports.conduit import Conduit, ConduitLimits, FrameSink
-from beacon_core.relay.frames import HEADER_BYTES, Kind
+from beacon_core.relay.frames import CONTENT, FLAGS_AT, HEADER_BYTES, KIND_AT, ROUTE_AT
 
 __all__ = ["SqueezingConduit"]
 
 _log = logging.getLogger(__name__)
 
-_CONTENT = int(Kind.CONTENT)
-_KIND_AT, _FLAGS_AT, _ROUTE = 1, 3, slice(4, 24)
 _SQUEEZED = 0x80
 
 _LEAST_BYTES = 128
@@ -62,13 +60,13 @@ class SqueezingConduit:
         if (
             self._squeezes
             and len(payload) >= _LEAST_BYTES
-            and header[_KIND_AT] == _CONTENT
-            and (trial := self._trial_of(header[_ROUTE])).wants()
+            and header[KIND_AT] == CONTENT
+            and (trial := self._trial_of(header[ROUTE_AT])).wants()
         ):
             squeezed = self._compress(payload)
             trial.judge(len(payload), len(squeezed))
             if len(squeezed) < len(payload):
-                marked = header[:_FLAGS_AT] + bytes([_SQUEEZED]) + header[_FLAGS_AT + 1 :]
+                marked = header[:FLAGS_AT] + bytes([_SQUEEZED]) + header[FLAGS_AT + 1 :]
                 return self._inner.send(marked, squeezed)
         return self._inner.send(header, payload)
 
@@ -134,12 +132,12 @@ class _Unpacking:
     def frame(self, header: bytes, payload: bytes) -> None:
         if (
             len(header) == HEADER_BYTES
-            and header[_KIND_AT] == _CONTENT
-            and header[_FLAGS_AT] == _SQUEEZED
+            and header[KIND_AT] == CONTENT
+            and header[FLAGS_AT] == _SQUEEZED
         ):
             plain = self._plain(payload)
             if plain is not None:
-                cleared = header[:_FLAGS_AT] + b"\0" + header[_FLAGS_AT + 1 :]
+                cleared = header[:FLAGS_AT] + b"\0" + header[FLAGS_AT + 1 :]
                 self._sink.frame(cleared, plain)
                 return
         # What cannot be unpacked is no frame either, and is counted as none.

@@ -114,7 +114,7 @@ class CoreTrace:
         now_ns: int,
         effects: list[Effect],
     ) -> None:
-        """See :class:`beacon_gateway.relay.end.Trace`."""
+        """What a core was told and what it answered; ``one``: its place in :data:`CORES`."""
         self._file.add(
             {
                 "end": self._end,

@@ -19,7 +19,7 @@ from beacon_core.relay.effects import (
 )
 from beacon_core.relay.forwarder import Forwarder
 from beacon_core.relay.forwarding import SeenTopic
-from beacon_core.relay.frames import Kind
+from beacon_core.relay.frames import KIND_AT, Kind
 from beacon_core.relay.republisher import Republisher
 from beacon_fake.conduit import FakeConduit
 
@@ -163,7 +163,7 @@ class Net:
         frame = end.inbox.take(at, keep=keep)
         if frame is None:
             return
-        if frame.header[1] == _RESET:
+        if frame.header[KIND_AT] == _RESET:
             if end.sender:
                 self.tell_sender(end, "frame", frame.header, frame.payload)
         elif end.receiver:

@@ -6,7 +6,7 @@ from collections import Counter, deque
 
 from beacon_core.relay.effects import Effect, Send
 from beacon_core.relay.forwarder import Forwarder
-from beacon_core.relay.frames import CONTENT, HEAD, Advertisement, Digest, Reset, decode
+from beacon_core.relay.frames import CONTENT, HEAD, KIND_AT, Advertisement, Digest, Reset, decode
 from beacon_core.relay.outlet import PATIENCE
 from beacon_core.relay.route import Route
 from beacon_core.relay.settings import Forwarding
@@ -190,4 +190,4 @@ class Watch:
 
 
 def _is_control(effect: Send) -> bool:
-    return effect.header[1] != CONTENT
+    return effect.header[KIND_AT] != CONTENT

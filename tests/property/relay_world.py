@@ -18,7 +18,7 @@ from beacon_core.relay.effects import (
 )
 from beacon_core.relay.forwarder import Forwarder
 from beacon_core.relay.forwarding import RouteState, SeenTopic
-from beacon_core.relay.frames import CONTENT, Advertisement, Content, Digest, decode
+from beacon_core.relay.frames import CONTENT, KIND_AT, Advertisement, Content, Digest, decode
 from beacon_core.relay.lane import LaneState
 from beacon_core.relay.ledger import Fate
 from beacon_core.relay.republisher import Republisher
@@ -303,7 +303,7 @@ class World:
         if rate is not None:
             size = len(effect.header) + len(effect.payload)
             # A content goes only while all before it is paid for, but for a tenth of a second.
-            assert effect.header[1] != CONTENT or self.paid_ns <= self.now + 100 * MS + 1
+            assert effect.header[KIND_AT] != CONTENT or self.paid_ns <= self.now + 100 * MS + 1
             self.paid_ns = max(self.paid_ns, self.now) + size / rate * 1e9
         self.watch.sent(effect, self.now)
         self.first_sent_ns.setdefault(effect.payload, self.now)

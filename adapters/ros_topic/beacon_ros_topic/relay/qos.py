@@ -5,17 +5,17 @@ The decisions, each with its reason, are data: :data:`DECISIONS`.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from beacon_core.relay.forwarding import SeenTopic
+from beacon_core.relay.merging import by_name, durable_depth, type_of_most
 from beacon_core.relay.values import Qos, TopicType
 from beacon_ros_topic.relay.endpoints import End
 
-__all__ = ["DECISIONS", "MAX_DURABLE_DEPTH", "merged", "profile", "reaches", "remark"]
+__all__ = ["DECISIONS", "merged", "profile", "reaches", "remark"]
 
 DECISIONS: Mapping[str, str] = MappingProxyType(
     {
@@ -33,26 +33,23 @@ DECISIONS: Mapping[str, str] = MappingProxyType(
 )
 """How publishers that differ are brought together, and why so."""
 
-MAX_DURABLE_DEPTH = 1024
-"""Of a topic with more latched publishers, late joiners at the far end get the latest only."""
-
 
 def merged(ends: Sequence[End], depth: int, before: SeenTopic | None) -> SeenTopic:
     """What the publishers of one topic make of it, by :data:`DECISIONS`.
 
     ``depth``: of a volatile topic. ``before``: what was told of it before.
     """
-    of = _type(ends, before)
+    of = type_of_most((one.type for one in ends), before)
     heard = [one for one in ends if one.type == of]
     durable = all(one.durable for one in heard)
     if durable:
-        depth = _durable_depth(len(heard), before)
+        depth = durable_depth([1] * len(heard), before)
     return SeenTopic(of, Qos(all(one.reliable for one in heard), durable, depth))
 
 
 def remark(ends: Sequence[End], chosen: SeenTopic) -> str:
     """Who is not heard for its type, in a sentence; ``""`` if all are."""
-    others = sorted({one.type for one in ends if one.type != chosen.type}, key=_by_name)
+    others = sorted({one.type for one in ends if one.type != chosen.type}, key=by_name)
     if not others:
         return ""
     told = ", ".join(_told(one) for one in others)
@@ -78,23 +75,6 @@ def profile(qos: Qos, queue: int) -> QoSProfile:
         reliability=ReliabilityPolicy.RELIABLE if qos.reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if qos.durable else DurabilityPolicy.VOLATILE,
     )
-
-
-def _type(ends: Sequence[End], before: SeenTopic | None) -> TopicType:
-    counts = Counter(one.type for one in ends)
-    most = max(counts.values())
-    first = sorted((of for of, count in counts.items() if count == most), key=_by_name)
-    return before.type if before is not None and before.type in first else first[0]
-
-
-def _by_name(of: TopicType) -> tuple[str, str]:
-    return of.name, of.digest
-
-
-def _durable_depth(publishers: int, before: SeenTopic | None) -> int:
-    enough: int = 1 << (publishers - 1).bit_length()
-    had = before.qos.depth if before is not None and before.qos.durable else 1
-    return min(max(enough, had), MAX_DURABLE_DEPTH)
 
 
 def _told(of: TopicType) -> str:

@@ -39,7 +39,7 @@ from zenoh.handlers import Callback
 
 from beacon_core.errors import UsageError
 from beacon_core.ports.conduit import ConduitLimits, FrameSink
-from beacon_core.relay.frames import Kind
+from beacon_core.relay.frames import KIND_AT, Kind
 from beacon_zenoh.config import session_config
 from beacon_zenoh.relay.options import MAX_HEADER_BYTES, RelayOptions
 from beacon_zenoh.relay.outbox import Outbox
@@ -125,7 +125,7 @@ class ZenohConduit:
     def send(self, header: bytes, payload: bytes) -> bool:
         if not self._up or len(header) > MAX_HEADER_BYTES or len(payload) > self._most:
             return False
-        kind = header[1] if len(header) > 1 else 0
+        kind = header[KIND_AT] if len(header) > KIND_AT else 0
         if not self._told and kind in _TELLING:
             self._told = True
             self._keeper.wake()

@@ -14,18 +14,15 @@ relays is a topic, whatever middleware either has. Only the depth is told here, 
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Collection
 
 from beacon_core.relay.forwarding import SeenTopic
+from beacon_core.relay.merging import durable_depth, type_of_most
 from beacon_core.relay.values import Qos, TopicType
 from beacon_zenoh.rmw import qos as rmw
 from beacon_zenoh.rmw.tokens import Member
 
-__all__ = ["MAX_DURABLE_DEPTH", "merged", "reaches", "rmw_qos", "type_of"]
-
-MAX_DURABLE_DEPTH = 1024
-"""Late joiners at the far end get no more, however much is kept here."""
+__all__ = ["merged", "reaches", "rmw_qos", "type_of"]
 
 _BEST_EFFORT = 2
 _KEEP_ALL = 2
@@ -41,11 +38,11 @@ def merged(publishers: Collection[Member], depth: int, before: SeenTopic | None)
 
     ``depth``: of a topic whose publishers keep all. ``before``: what was told of it before.
     """
-    of = _type(publishers, before)
+    of = type_of_most(map(type_of, publishers), before)
     heard = [one.qos for one in publishers if type_of(one) == of]
     durable = all(one.keeps for one in heard)
     depths = [depth if one.history == _KEEP_ALL else max(one.depth, 1) for one in heard]
-    most = _durable_depth(depths, before) if durable else max(depths)
+    most = durable_depth(depths, before) if durable else max(depths)
     return SeenTopic(of, Qos(all(_reliable(one) for one in heard), durable, most))
 
 
@@ -74,22 +71,3 @@ def rmw_qos(qos: Qos) -> rmw.Qos:
 
 def _reliable(qos: rmw.Qos) -> bool:
     return qos.reliability != _BEST_EFFORT
-
-
-def _type(publishers: Collection[Member], before: SeenTopic | None) -> TopicType:
-    counts = Counter(map(type_of, publishers))
-    most = max(counts.values())
-    first = sorted((of for of, count in counts.items() if count == most), key=_by_name)
-    return before.type if before is not None and before.type in first else first[0]
-
-
-def _by_name(of: TopicType) -> tuple[str, str]:
-    return of.name, of.digest
-
-
-def _durable_depth(depths: list[int], before: SeenTopic | None) -> int:
-    together = sum(depths)
-    if len(depths) > 1:
-        together = 1 << (together - 1).bit_length()
-    had = before.qos.depth if before is not None and before.qos.durable else 1
-    return min(max(together, had), MAX_DURABLE_DEPTH)

@@ -11,11 +11,11 @@ pytest.importorskip("rclpy", reason="rclpy is not installed: there is no QoS of 
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from beacon_core.relay.forwarding import SeenTopic
+from beacon_core.relay.merging import MAX_DURABLE_DEPTH
 from beacon_core.relay.values import Qos, TopicType
 from beacon_ros_topic.relay.endpoints import End
 from beacon_ros_topic.relay.qos import (
     DECISIONS,
-    MAX_DURABLE_DEPTH,
     merged,
     profile,
     reaches,

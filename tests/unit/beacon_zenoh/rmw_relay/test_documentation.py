@@ -8,11 +8,11 @@ from pathlib import Path
 import attrs
 import yaml
 
+from beacon_core.relay.merging import MAX_DURABLE_DEPTH
 from beacon_gateway.config import parse_config
 from beacon_zenoh.options import SessionOptions
 from beacon_zenoh.rmw_relay import RmwNetworkOptions
 from beacon_zenoh.rmw_relay.intake import MOST_WAITING
-from beacon_zenoh.rmw_relay.merging import MAX_DURABLE_DEPTH
 from beacon_zenoh.rmw_relay.station import MAX_MARKS
 
 PAGE = Path(__file__).parents[4] / "docs" / "adapters" / "zenoh_rmw.md"

@@ -6,10 +6,11 @@ import attrs
 import pytest
 
 from beacon_core.relay.forwarding import SeenTopic
+from beacon_core.relay.merging import MAX_DURABLE_DEPTH
 from beacon_core.relay.values import Qos, TopicType
 from beacon_zenoh.rmw import qos as rmw
 from beacon_zenoh.rmw.tokens import Kind, Member
-from beacon_zenoh.rmw_relay.merging import MAX_DURABLE_DEPTH, merged, reaches, rmw_qos
+from beacon_zenoh.rmw_relay.merging import merged, reaches, rmw_qos
 
 TEXT, IMAGE = (
     TopicType("std_msgs/msg/String", "RIHS01_1"),
