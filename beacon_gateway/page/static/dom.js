@@ -43,5 +43,19 @@ export function counter(node, number) {
   node.classList.toggle('none', number === 0);
 }
 
+/** How many a second, since a total was this at that time (ms); a dash if there is no such time. */
+export function rate(before, total, at) {
+  if (!before) return '–';
+  const speed = Math.max(0, total - before.total) / Math.max(0.001, (at - before.at) / 1000);
+  return speed < 10 ? speed.toFixed(1) : count(Math.round(speed));
+}
+
+/** A list of named facts that are not known yet, and where to write each. */
+export function factList(...names) {
+  const facts = names.map(() => element('dd', '', '–'));
+  const lines = names.map((name, index) => element('div', '', element('dt', '', name), facts[index]));
+  return { list: element('dl', '', ...lines), facts };
+}
+
 /** The address of an entity on this page. */
 export const hashOf = (entityId) => `#entity=${encodeURIComponent(entityId)}`;

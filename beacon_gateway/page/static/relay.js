@@ -1,6 +1,6 @@
 // The ends of the gateway's relay, if it has one: their links, their books and their topics.
 
-import { count, duration, element, say } from './dom.js';
+import { count, duration, element, factList, rate, say } from './dom.js';
 
 const MOST_TOPICS = 100;
 const FINE = ['sent', 'delivered', 'conflated'];
@@ -49,19 +49,12 @@ export class Relay {
     item.node.dataset.condition = end.link;
     say(item.condition, `link ${end.link}`);
     item.condition.title = `for ${duration(end.link_since_sec)}`;
-    const facts = [this.rate(item, messages, at), count(messages), count(sum((one) => one.held)),
+    const facts = [rate(item.before, messages, at), count(messages), count(sum((one) => one.held)),
       count(sum((one) => total(one.ended, true))), count(sum((one) => total(one.ended, false))),
       count(sum((one) => one.missing ?? 0))];
+    item.before = { total: messages, at };
     facts.forEach((fact, index) => say(item.facts[index], fact));
     this.topics(item, topics(end));
-  }
-
-  rate(item, messages, at) {
-    const before = item.before;
-    item.before = { messages, at };
-    if (!before) return '–';
-    const rate = Math.max(0, messages - before.messages) / Math.max(0.001, (at - before.at) / 1000);
-    return rate < 10 ? rate.toFixed(1) : count(Math.round(rate));
   }
 
   topics(item, all) {
@@ -79,9 +72,7 @@ export class Relay {
   }
 
   made(end) {
-    const names = ['messages/s', 'messages', 'held', 'passed on', 'lost', 'missing'];
-    const facts = names.map(() => element('dd', '', '–'));
-    const list = element('dl', '', ...names.map((name, index) => element('div', '', element('dt', '', name), facts[index])));
+    const { list, facts } = factList('messages/s', 'messages', 'held', 'passed on', 'lost', 'missing');
     const condition = element('span', 'condition');
     const head = element('h3', '', end.name, ' ', element('small', '', `${end.network} · ${end.conduit}`));
     const made = { condition, facts, topics: element('ol'), more: element('small', '') };

@@ -1,6 +1,6 @@
 // What has happened, and how the sources are doing.
 
-import { count, counter, duration, element, hashOf, say } from './dom.js';
+import { count, counter, duration, element, factList, hashOf, rate, say } from './dom.js';
 
 const KEPT = 200;
 const BAD = ['too-large', 'malformed', 'invalid', 'fault'];
@@ -62,24 +62,25 @@ export class Sources {
     this.list = list;
     this.tiles = tiles;
     this.items = new Map();
-    this.before = null;
+    this.before = new Map();
   }
 
   /** `sources` are those of the snapshot: they say how much each may hold. */
   draw(health, sources) {
-    const now = { at: performance.now(), totals: new Map() };
+    const at = performance.now();
+    const now = new Map();
     const totals = { expired: 0, rejected: 0, limited: 0, held: 0, room: 0 };
     for (const source of health.sources) {
       const { messages, hints } = source;
       const heard = Object.values(messages).reduce((a, b) => a + b, 0);
-      now.totals.set(source.name, heard);
+      now.set(source.name, { total: heard, at });
       const room = sources.find((one) => one.name === source.name)?.max_hints ?? 0;
       totals.expired += hints.expired;
       totals.rejected += sum(messages, BAD);
       totals.limited += sum(messages, LIMITED);
       totals.held += hints.active + hints.stale;
       totals.room += room;
-      this.item(source, this.rate(source.name, heard, now.at), room);
+      this.item(source, rate(this.before.get(source.name), heard, at), room);
     }
     this.before = now;
     for (const name of ['expired', 'rejected', 'limited']) counter(this.tiles[name], totals[name]);
@@ -87,14 +88,7 @@ export class Sources {
     this.tiles.fill.style.setProperty('--age', `${(100 * totals.held) / Math.max(1, totals.room)}%`);
   }
 
-  rate(name, heard, at) {
-    const before = this.before?.totals.get(name);
-    if (before === undefined) return '';
-    const rate = Math.max(0, heard - before) / Math.max(0.001, (at - this.before.at) / 1000);
-    return rate < 10 ? rate.toFixed(1) : count(Math.round(rate));
-  }
-
-  item(source, rate, room) {
+  item(source, speed, room) {
     let item = this.items.get(source.name);
     if (!item) {
       item = this.made(source);
@@ -107,16 +101,14 @@ export class Sources {
     say(item.condition, source.condition);
     say(item.detail, source.detail ?? '');
     item.meter.style.setProperty('--age', `${(100 * held) / Math.max(1, room)}%`);
-    const facts = [rate || '–', count(source.senders), `${count(held)} / ${count(room)}`,
+    const facts = [speed, count(source.senders), `${count(held)} / ${count(room)}`,
       count(sum(messages, BAD)), count(sum(messages, LIMITED)), count(messages['store-full'] ?? 0),
       source.last_message_sec === undefined ? 'never' : `${duration(source.last_message_sec)} ago`, count(Math.floor(source.tokens))];
     facts.forEach((fact, index) => say(item.facts[index], fact));
   }
 
   made(source) {
-    const names = ['messages/s', 'senders', 'held', 'unreadable', 'too fast', 'no room', 'last message', 'tokens left'];
-    const facts = names.map(() => element('dd', '', '–'));
-    const list = element('dl', '', ...names.map((name, index) => element('div', '', element('dt', '', name), facts[index])));
+    const { list, facts } = factList('messages/s', 'senders', 'held', 'unreadable', 'too fast', 'no room', 'last message', 'tokens left');
     const condition = element('span', 'condition');
     const detail = element('p', 'detail');
     const meter = element('i', 'meter');
