@@ -107,9 +107,9 @@ def _check(arguments: argparse.Namespace) -> int:
     if arguments.json:
         write_json({"ok": True, "ends": list(config.ends)})
     else:
-        console().print(
-            f"{printable(str(arguments.config))}: ok, {len(config.ends)} ends", highlight=False
-        )
+        count = len(config.ends)
+        ends = "1 end" if count == 1 else f"{count} ends"
+        console().print(f"{printable(str(arguments.config))}: ok, {ends}", highlight=False)
     return Exit.OK
 
 
