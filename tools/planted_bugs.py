@@ -353,7 +353,7 @@ def run_machine(copy: Path, machines: list[str]) -> tuple[int, str]:
         "PYTHONPATH": os.pathsep.join(map(str, paths)),
         "BEACON_MACHINE_SEED": SEED,
         "BEACON_MACHINE_SHRINK": "0",
-        "BEACON_RELAY_STEPS": "32000",
+        "BEACON_RELAY_STEPS": "100000",
     }
     command = [sys.executable, "-m", "pytest", "-q", "-rP", "-p", "no:cacheprovider"]
     done = subprocess.run(  # noqa: S603

@@ -32,16 +32,17 @@ class RosClients:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        # Not the node's own group: answers must not wait for another callback of the node.
-        self._group = ReentrantCallbackGroup()
 
     def __call__(self, name: str) -> NodeClient:
-        return _RosClient(self._node, self._group, name)
+        return _RosClient(self._node, name)
 
 
 class _RosClient:
-    def __init__(self, node: Node, group: ReentrantCallbackGroup, name: str) -> None:
+    def __init__(self, node: Node, name: str) -> None:
         self._node = node
+        # Not the node's own group: answers must not wait for another callback of the node. And one
+        # for each client, since a group never forgets whom it had.
+        group = ReentrantCallbackGroup()
         self._clients: list[Client] = []
         for kind, service in ((ListParameters, "list"), (GetParameters, "get")):
             client = node.create_client(

@@ -42,6 +42,7 @@ class RosParamOptions:
     budget_s: float = polling.budget_s()
     timeout_s: float = polling.timeout_s()
     max_in_flight: int = polling.max_in_flight()
-    forget_after_s: float = attrs.field(default=60.0, validator=_seconds)
-    """What was needed to ask a node is kept for so long after the node has left the graph."""
+    forget_after_s: float = attrs.field(default=10.0, validator=_seconds)
+    """What was needed to ask a node, a quarter of a megabyte, is kept for so long after it has left
+    the graph: one that is started again is asked at once."""
     parameter_events: bool = polling.parameter_events()
