@@ -345,7 +345,7 @@ class Republisher(Machine[_Key]):
         self._asking.ask_new(peer, self._now_ns)
 
     def _place(self, peer: Peer, lane: Lane, track: Track, content: Content) -> None:
-        passes_at_once = content.seq == track.cursor and self._may_pass(peer, lane, track)
+        passes_at_once = track.may_be_next(content.seq) and self._may_pass(peer, lane, track)
         room = self._held_bytes + content_bytes(content) <= self._settings.hold_bytes
         was_asked = content.seq in track.outstanding
         before = track.held_bytes

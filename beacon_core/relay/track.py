@@ -36,7 +36,7 @@ class Placed(enum.Enum):
     AGAIN = enum.auto()
     """It is held already, has been passed on, or is not wanted any more."""
     NO_ROOM = enum.auto()
-    """It is still missing."""
+    """It is still missing; but of BEST_EFFORT, which nobody sends again, it is given up."""
 
 
 class Track:
@@ -97,9 +97,15 @@ class Track:
         if self.mode is Mode.LATEST:
             return self._replace(content, fate)
         if not room:
+            if self.mode is Mode.BEST_EFFORT:
+                self.stop_waiting(seq + 1)
             return Placed.NO_ROOM
         self._hold(content, fate)
         return Placed.HELD
+
+    def may_be_next(self, seq: int) -> bool:
+        """Does nothing have to be waited for before this content?"""
+        return seq == self.cursor or self.mode is Mode.BEST_EFFORT
 
     def pop(self) -> tuple[Content, Fate] | None:
         """The next content in order, or ``None`` if it is missing. The caller settles it."""

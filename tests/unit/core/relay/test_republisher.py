@@ -556,6 +556,14 @@ def test_what_has_no_room_is_not_taken_and_asked_for_again() -> None:
     assert asked(side.later(20)) == [Range(1, 2, 1)]
 
 
+def test_best_effort_passes_over_what_was_lost_without_any_room() -> None:
+    side = Side(hold_bytes=0, match_ns=0)
+    side.join()
+    side.advert(mode=Mode.BEST_EFFORT)
+    assert side.content(9) == [9]
+    assert side.fates() == {Fate.SKIPPED: 9, Fate.DELIVERED: 1}
+
+
 def test_what_comes_back_to_its_own_network_is_not_published() -> None:
     side = Side(own=(3,))
     side.join()

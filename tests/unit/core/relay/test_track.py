@@ -102,6 +102,20 @@ def test_without_room_a_content_stays_missing() -> None:
     assert one.ledger.held == 1
 
 
+def test_best_effort_without_room_is_given_up_since_nobody_sends_it_again() -> None:
+    one = track(Mode.BEST_EFFORT)
+    assert come(one, 1, room=False) == [Placed.NO_ROOM]
+    assert pops(one) == []
+    assert one.ledger.fates() == {Fate.SKIPPED: 2}
+
+
+def test_what_may_be_next_waits_for_nothing_before_it() -> None:
+    ordered, best_effort = track(), track(Mode.BEST_EFFORT)
+    assert ordered.may_be_next(0)
+    assert not ordered.may_be_next(1)
+    assert best_effort.may_be_next(1)
+
+
 def test_best_effort_waits_for_nobody() -> None:
     one = track(Mode.BEST_EFFORT)
     come(one, 2)
