@@ -69,7 +69,7 @@ class Machine(Scenes):
         ),
         priorities=st.just([0, 0, 0, 0])
         | st.lists(st.sampled_from([0, 1, 6, 7]), min_size=4, max_size=4),
-        jostling=st.sampled_from([False, False, False, True]),
+        jostling=st.sampled_from([0, 0, 0, 0, 0, 0, 1, -1]),
     )
     def begin(
         self,
@@ -85,12 +85,15 @@ class Machine(Scenes):
         link: float | None,
         shaping: Shaping,
         priorities: list[int],
-        jostling: bool,
+        jostling: int,
     ) -> None:
         if jostling:
             # All there is room for, but the link: what waits, waits for who goes first.
             hold, largest, routes, link, shaping = 10**6, 3000, 20, 50_000.0, UNSHAPED
-            priorities, first = sorted(priorities) if any(priorities) else [0, 1, 6, 7], len(TOPICS)
+            # Upwards, in the order of the modes, or downwards: then /ordered/a goes first, of which
+            # many can wait.
+            priorities = sorted(priorities if any(priorities) else [0, 1, 6, 7])[::jostling]
+            first = len(TOPICS)
         self.world = World(
             Forwarding(
                 hold_bytes=hold,

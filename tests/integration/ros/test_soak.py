@@ -85,7 +85,8 @@ def soak(
         beacon = gateway(GATEWAY)
         churn = children.node("churn")
         bare = children.node("bare_churn", env={"ROS_DOMAIN_ID": str(elsewhere)})
-        watched = {"gateway": beacon.child, "churn": churn, "bare": bare}
+        follow = children.node("bare_follow")
+        watched = {"gateway": beacon.child, "churn": churn, "bare": bare, "follow": follow}
         samples: dict[str, list[Sample]] = {name: [] for name in watched}
         begin = killed_at = time.monotonic()
         victim = None
@@ -106,12 +107,14 @@ def soak(
         _heard_everything(beacon, wait_until)
         _ends_cleanly(churn, signal.SIGTERM)
         _ends_cleanly(bare, signal.SIGTERM)
+        _ends_cleanly(follow, signal.SIGTERM)
         _ends_cleanly(beacon.child, signal.SIGINT)
         assert not _stray(churn, UNANSWERED)
         assert not _stray(beacon.child, LOG_LINE)
         # What rclpy alone keeps, doing the same, is not ours.
-        bare_mb = max(0.0, _grown(_thirds(samples.pop("bare"), "bare")["megabytes"]))
-        _is_level("gateway", samples["gateway"], growth_mb)
+        follow_mb = _grown(_thirds(samples["follow"], "follow"))
+        bare_mb = _grown(_thirds(samples["bare"], "bare"))
+        _is_level("gateway", samples["gateway"], growth_mb + follow_mb)
         _is_level("churn", samples["churn"], growth_mb + bare_mb)
 
     return run
@@ -139,8 +142,10 @@ def _thirds(samples: list[Sample], name: str) -> dict[str, tuple[float, float]]:
     return found
 
 
-def _grown(thirds: tuple[float, float]) -> float:
-    return thirds[1] - thirds[0]
+def _grown(thirds: dict[str, tuple[float, float]]) -> float:
+    """So many megabytes; none, if it holds less now."""
+    early, late = thirds["megabytes"]
+    return max(0.0, late - early)
 
 
 def _heard_everything(beacon: Any, wait_until: Callable[..., None]) -> None:
