@@ -14,7 +14,7 @@ from beacon_gateway import adapters
 
 def registered(monkeypatch: pytest.MonkeyPatch, **points: str) -> None:
     known = {name: EntryPoint(name, value, "beacon.adapters") for name, value in points.items()}
-    monkeypatch.setattr(adapters, "installed", lambda _: known)
+    monkeypatch.setattr(adapters, "installed", lambda *_: known)
 
 
 def test_our_own_adapters_are_registered() -> None:

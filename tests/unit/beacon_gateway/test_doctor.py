@@ -61,7 +61,7 @@ def finding(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Pa
             )
 
         points = {f"a{n}": Point(adapter(f"a{n}", group)) for n, group in enumerate(groups)}
-        monkeypatch.setattr(adapters, "installed", lambda: points)
+        monkeypatch.setattr(adapters, "installed", lambda *_: points)
         sources = ", ".join(f"s{n}: {{adapter: {name}}}" for n, name in enumerate(points))
         path = tmp_path / "gateway.yaml"
         path.write_text(f"http: {{port: {port or free_port()}}}\nsources: {{{sources}}}\n{more}\n")
@@ -170,7 +170,7 @@ def test_the_adapters_are_told_how_long_to_look(
 
     source: Any = lambda _: Source()  # noqa: E731
     zenoh = attrs.evolve(adapters.load_adapter("zenoh"), source=source, examine=examine)
-    monkeypatch.setattr(adapters, "installed", lambda: {"zenoh": Point(zenoh)})
+    monkeypatch.setattr(adapters, "installed", lambda *_: {"zenoh": Point(zenoh)})
     url = f"127.0.0.1:{free_port()}"
     assert doctor("--url", url) == 0
     assert doctor("--url", url, "--seconds", "0.5") == 0
@@ -236,7 +236,7 @@ def test_what_is_turned_away_while_the_doctor_looks_is_a_problem(
     path = finding([WELL])
     point = adapters.installed()["a0"]
     adapter = attrs.evolve(point.load(), examine=meanwhile)
-    monkeypatch.setattr(adapters, "installed", lambda: {"a0": Point(adapter)})
+    monkeypatch.setattr(adapters, "installed", lambda *_: {"a0": Point(adapter)})
     assert doctor("-c", path, "--url", serve(plant)) == 1
     assert "1 message rejected: no hint in this carrier's format, 1 of them just now" in (
         capsys.readouterr().out
