@@ -43,7 +43,7 @@ class Watch:
         self._priorities: dict[int, int] = {}
         self._murky = False
         # Something was asked for again, and waits among the new ones.
-        self._since_lower = self._over = 0
+        self._since_lower = self._over = self._top = 0
         self._overtaken: dict[int, Counter[int]] = {}
         self.met: set[str] = set()
 
@@ -169,8 +169,11 @@ class Watch:
             self._since_lower = self._over = 0
         else:
             self._since_lower += 1
-            self._over = self._over + 1 if any(one < mine for one in waiting) else 0
+            # Where those before it are all out, it has been one of the lower ones until now.
+            over = self._over if mine >= self._top else 0
+            self._over = over + 1 if any(one < mine for one in waiting) else 0
             assert self._over < PATIENCE
+        self._top = mine
         self._note_overtaken(mine, waiting)
 
     def _note_overtaken(self, mine: int, waiting: set[int]) -> None:
