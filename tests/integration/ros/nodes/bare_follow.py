@@ -1,7 +1,8 @@
 """Asks each node of the graph for its parameters each second, with rclpy alone.
 
-As the gateway does: two clients for each node, destroyed when the node has gone. What grows here
-too, is not ours. Ends on SIGINT or SIGTERM.
+Much as the gateway does: two clients for each node, destroyed when the node has gone. Without the
+gateway's care for its heaps, so it shows what rclpy may cost, not what it must. Ends on SIGINT or
+SIGTERM.
 """
 
 from __future__ import annotations
