@@ -65,6 +65,10 @@ class ConduitHarness(Protocol):
     def waiting_bytes(self) -> int:
         """So much the carrier may keep in this process of what it cannot get rid of."""
 
+    @property
+    def hang_told_within_s(self) -> float:
+        """So late it is told that the other end hangs while large frames are on their way."""
+
     def conduit(self) -> Conduit:
         """A new end, not started."""
 
@@ -100,6 +104,7 @@ class RealTimeConduitHarness:
     patience_s: float = 10.0
     quiet_s: float = 0.2
     waiting_bytes: int = 0
+    hang_told_within_s: float = 2.0
 
     def cut(self) -> None:
         raise NotImplementedError

@@ -189,11 +189,12 @@ class ConduitContract:
             frozen_at, before = time.monotonic(), _resident_bytes()
             self.eventually(harness, lambda: one.sink.up, "the link is up")
             payload = _bytes(256 * 1024)
-            while one.sink.up and time.monotonic() < frozen_at + _TOLD_WITHIN_S + _SLACK_S:
+            within_s = harness.hang_told_within_s
+            while one.sink.up and time.monotonic() < frozen_at + within_s + _SLACK_S:
                 _sends(one, 10, payload)
             _sends(one, 100, b"small")
             assert _resident_bytes() - before < harness.waiting_bytes + _OWN_GROWTH_BYTES
-            self.is_down(harness, frozen_at, one)
+            self.is_down(harness, frozen_at, one, within_s=within_s)
         self.eventually(harness, lambda: one.sink.up, "the link is up again")
 
     # Closing
@@ -296,13 +297,15 @@ class ConduitContract:
 
         self.eventually(harness, done, f"{frame[0][:16]!r} of {len(frame[1])} bytes arrives")
 
-    def is_down(self, harness: ConduitHarness, since: float, *ends: End) -> None:
+    def is_down(
+        self, harness: ConduitHarness, since: float, *ends: End, within_s: float = _TOLD_WITHIN_S
+    ) -> None:
         """Wait until all are told, and insist that they were told in time."""
         self.eventually(
             harness, lambda: not any(end.sink.up for end in ends), "that the link is down is told"
         )
         for end in ends:
-            assert end.sink.links[-1][1] - since <= _TOLD_WITHIN_S + _SLACK_S
+            assert end.sink.links[-1][1] - since <= within_s + _SLACK_S
 
 
 def _again(end: End) -> bool:

@@ -73,7 +73,9 @@ DEFAULTS = {
                         "drop": {
                             "wait_before_drop": _WAIT_MS * 1000,
                             # Only the outbox waits; but while it does, Zenoh cannot end this
-                            # connection, and no other session of the process begins one.
+                            # connection, and no other session of the process begins one: an end
+                            # that hangs is told so much later. With less, a large frame would
+                            # never pass a slow link: 1 MiB now needs 3 Mbit/s.
                             "max_wait_before_drop_fragments": 3_000_000,
                         }
                     }

@@ -30,6 +30,8 @@ class ZenohConduitHarness(RealTimeConduitHarness):
 
     capabilities = ConduitCapabilities()
     waiting_bytes = _SEND_BYTES
+    # The lease, what a frame may wait, and what Zenoh gives itself to send the rest.
+    hang_told_within_s = 1.5 + 3.0 + 0.4
 
     def __init__(self) -> None:
         self._endpoint = free_endpoint()
