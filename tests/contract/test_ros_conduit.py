@@ -10,11 +10,9 @@ from beacon_core.testing.relay.conduit_harness import ConduitHarness
 from beacon_core.testing.relay.conduits import ConduitContract
 from beacon_ros_topic.relay.conduit_harness import RosConduitHarness
 
+pytestmark = pytest.mark.system
+
 
 class TestRosConduit(ConduitContract):
     def make_harness(self) -> ConduitHarness:
         return RosConduitHarness()
-
-    @pytest.mark.system
-    def test_an_end_that_hangs_holds_up_nobody_and_is_told(self, harness: ConduitHarness) -> None:
-        super().test_an_end_that_hangs_holds_up_nobody_and_is_told(harness)

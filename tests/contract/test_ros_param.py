@@ -11,6 +11,8 @@ from beacon_core.testing.contract.lifecycle import LifecycleChecks
 from beacon_core.testing.harness import Harness
 from beacon_ros_param.harness import RosParamHarness
 
+pytestmark = pytest.mark.system
+
 
 class TestRosParam(AdapterContract):
     """As by default: a source also listens to what nodes tell of their parameters."""

@@ -10,6 +10,8 @@ from beacon_core.testing.contract import AdapterContract
 from beacon_core.testing.harness import Harness
 from beacon_ros_topic.harness import RosTopicHarness
 
+pytestmark = pytest.mark.system
+
 
 class TestRosTopic(AdapterContract):
     def make_harness(self) -> Harness:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from beacon_core.testing.relay.topic_harness import TopicHarness, Watching
+from beacon_core.testing.relay.topic_harness import TopicHarness
 from beacon_core.testing.relay.topic_sides import TopicSideContract
 from beacon_fake.topic_harness import FakeTopicHarness
 
@@ -24,16 +24,10 @@ class TestRmwZenohTopicSide(TopicSideContract):
         return RmwTopicSideHarness()
 
 
+@pytest.mark.system
 class TestRosTopicSide(TopicSideContract):
     def make_harness(self) -> TopicHarness:
         pytest.importorskip("rclpy", reason="rclpy is not installed: no ROS to stand beside")
         from beacon_ros_topic.relay.harness import RosTopicSideHarness  # noqa: PLC0415
 
         return RosTopicSideHarness()
-
-    @pytest.mark.system
-    @pytest.mark.usefixtures("side")
-    def test_a_topic_is_gone_when_its_publisher_crashes(
-        self, harness: TopicHarness, watching: Watching
-    ) -> None:
-        super().test_a_topic_is_gone_when_its_publisher_crashes(harness, watching)

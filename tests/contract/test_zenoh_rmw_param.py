@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import pytest
+
 from beacon_core.testing.contract import AdapterContract
 from beacon_core.testing.contract.lifecycle import LifecycleChecks
 from beacon_core.testing.harness import Harness
 from beacon_zenoh.rmw_param.harness import RmwParamHarness
+
+pytestmark = pytest.mark.system
 
 
 class TestZenohRmwParam(AdapterContract):

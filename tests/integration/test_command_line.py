@@ -18,6 +18,8 @@ import attrs
 import httpx
 import pytest
 
+pytestmark = pytest.mark.system
+
 BEACON = (sys.executable, "-m", "beacon_gateway")
 
 Process = subprocess.Popen[str]

@@ -259,6 +259,7 @@ def test_a_router_that_comes_back_brings_graph_and_hints_back(router: Router) ->
         harness.close()
 
 
+@pytest.mark.system
 def test_a_thousand_nodes_are_known_and_missed_in_time(harness: RmwHarness) -> None:
     def fleet() -> subprocess.Popen[bytes]:
         process = subprocess.Popen(

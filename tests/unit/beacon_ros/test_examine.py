@@ -29,6 +29,8 @@ from beacon_ros.examine import (
     visible_nodes,
 )
 
+pytestmark = pytest.mark.system
+
 Start = Callable[..., Node]
 
 ENOUGH_S = 20.0

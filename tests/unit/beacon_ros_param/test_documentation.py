@@ -27,6 +27,8 @@ from beacon_ros_param.options import RosParamOptions
 if TYPE_CHECKING:
     from rclpy.node import Node
 
+pytestmark = pytest.mark.system
+
 PAGE = Path(__file__).parents[3] / "docs/adapters/ros_param.md"
 WaitFor = Callable[..., None]
 

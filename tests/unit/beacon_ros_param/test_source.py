@@ -35,6 +35,8 @@ from beacon_ros_param.source import RosParamSource
 if TYPE_CHECKING:
     from tests.unit.beacon_ros_param.conftest import Peers
 
+pytestmark = pytest.mark.system
+
 WaitFor = Callable[..., None]
 D = "ros2_medkit.discovery."
 

@@ -31,6 +31,8 @@ from beacon_ros_topic import RosTopicOptions
 from beacon_ros_topic.announcer import RosTopicAnnouncer, _Voice
 from beacon_ros_topic.harness import RosTopicHarness
 
+pytestmark = pytest.mark.system
+
 Eventually = Callable[..., None]
 
 TOPIC = RosTopicOptions().topic

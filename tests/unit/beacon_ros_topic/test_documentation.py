@@ -23,6 +23,8 @@ from beacon_ros_topic.harness import RosTopicHarness
 from beacon_ros_topic.looks import _BUSY_SHARE, _EVERY_S, _IDLE_SHARE
 from beacon_ros_topic.roster import MAX_PUBLISHERS, MAX_SPOKEN_FOR
 
+pytestmark = pytest.mark.system
+
 PAGE = Path(__file__).parents[3] / "docs/adapters/ros_topic.md"
 
 Eventually = Callable[..., None]

@@ -38,6 +38,8 @@ from beacon_ros_topic import RosTopicOptions, looks, roster
 from beacon_ros_topic.harness import RosTopicHarness
 from beacon_ros_topic.source import RosTopicSource
 
+pytestmark = pytest.mark.system
+
 Eventually = Callable[..., None]
 
 TOPIC = RosTopicOptions().topic

@@ -1,8 +1,8 @@
 """Asks each node of the graph for its parameters each second, with rclpy alone.
 
-Much as the gateway does: two clients for each node, destroyed when the node has gone. Without the
-gateway's care for its heaps, so it shows what rclpy may cost, not what it must. Ends on SIGINT or
-SIGTERM.
+As the gateway does, and with the same care for its heaps: two clients for each node, destroyed when
+the node has gone. What it grows by, is what whoever asks nodes by rclpy has to grow by. Ends on
+SIGINT or SIGTERM.
 """
 
 from __future__ import annotations
@@ -16,6 +16,9 @@ from rclpy.client import Client
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.task import Future
+
+from beacon_gateway.console.process import keep_memory_together, memory_given_back
 
 EACH_S = 1.0
 NAMES = ["ros2_medkit.discovery.entity_id"]
@@ -31,9 +34,13 @@ class Follower:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._clients: dict[str, tuple[Client, Client]] = {}
+        self._asked: list[tuple[Client, Future]] = []
 
     def follow(self) -> None:
-        """Look who is there, and ask them."""
+        """Look who is there, and ask them; who has not answered by now is not waited for."""
+        while self._asked:
+            client, future = self._asked.pop()
+            client.remove_pending_request(future)
         found = self._node.get_node_names_and_namespaces()
         names = {f"{space.rstrip('/')}/{name}" for name, space in found if name[0] != "_"}
         for name in self._clients.keys() - names:
@@ -46,8 +53,11 @@ class Follower:
             )
         for listing, getting in self._clients.values():
             if listing.service_is_ready() and getting.service_is_ready():
-                listing.call_async(ListParameters.Request())
-                getting.call_async(GetParameters.Request(names=NAMES))
+                self._ask(listing, ListParameters.Request())
+                self._ask(getting, GetParameters.Request(names=NAMES))
+
+    def _ask(self, client: Client, request: object) -> None:
+        self._asked.append((client, client.call_async(request)))
 
     def spin(self) -> None:
         self._executor.spin_once(timeout_sec=0.05)
@@ -63,12 +73,14 @@ def main() -> None:
     stop = threading.Event()
     for stopping in (signal.SIGINT, signal.SIGTERM):
         signal.signal(stopping, lambda *_: stop.set())
+    keep_memory_together()
     follower, due_s = Follower(), time.monotonic()
-    while not stop.is_set():
-        if time.monotonic() >= due_s:
-            due_s += EACH_S
-            follower.follow()
-        follower.spin()
+    with memory_given_back():
+        while not stop.is_set():
+            if time.monotonic() >= due_s:
+                due_s += EACH_S
+                follower.follow()
+            follower.spin()
     follower.close()
 
 

@@ -137,6 +137,7 @@ def test_a_subscriber_that_comes_late_is_told_the_present_hint_of_each(
     announcer, listener = harness.announcer(AN_HOUR_S), Listener(harness).start()
     for name in ("gone", "engine", "brake", "engine"):
         announcer.announce(BeaconHint(name))
+    within(harness, lambda: listener.has("gone", Status.ACTIVE), "it is heard")
     announcer.withdraw("gone")
     within(harness, lambda: listener.has("gone", Status.LEFT), "all is said")
     late = Ear(harness.endpoint)
