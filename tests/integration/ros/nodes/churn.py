@@ -1,7 +1,8 @@
 """Nodes that come and go every second, each in a ROS context of its own, in every way there is.
 
 And beside them, unless told to ``speak-only``, sources, as a gateway embeds them, which are opened
-and closed as often. Ends on SIGINT or SIGTERM.
+and closed as often. Told to ``return``, nodes come back under the names of those who left;
+otherwise (``new``) each has a name that nobody had. Ends on SIGINT or SIGTERM.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ from beacon_ros_topic.beacon import TopicBeacon
 
 ALIVE = 5
 PERIOD_S = 1.0
+NAMES = 50 if "return" in sys.argv else sys.maxsize
+ROLE = "victim" if "speak-only" in sys.argv else "churn"
 
 
 @attrs.frozen
@@ -46,7 +49,7 @@ class Life:
     def begin(cls, number: int) -> Life:
         context = Context()
         context.init(args=[], initialize_logging=False)
-        node = Node(f"churn_{number}", context=context)
+        node = Node(f"{ROLE}_{number % NAMES}", context=context)
         topic = TopicBeacon(node, BeaconHint(f"by_topic_{number % 20}"), period_s=0.5)
         parameters = declare_beacon(node, BeaconHint(f"by_param_{number % 20}"))
         spinner = Spinner(context, node)
@@ -82,7 +85,7 @@ def main() -> None:
         alive.append(Life.begin(number))
         if len(alive) > ALIVE:
             alive.popleft().end(number)
-        if "speak-only" not in sys.argv:
+        if ROLE == "churn":
             listen_for_a_moment(stop)
         if stop.wait(PERIOD_S / 2):
             break
