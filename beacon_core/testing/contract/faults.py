@@ -169,7 +169,7 @@ class FaultChecks(ContractBase):
         with harness.silenced(announcer):
             self.reaches(harness, listener, "engine", None)
             assert listener.store.stats().expired == 1
-        self.conclude(harness, listener)
+            self.conclude(harness, listener)
 
     def test_who_speaks_again_is_active_again(self, harness: Harness) -> None:
         listener = Listener(harness, ttl_s=harness.ttl_s).start()
