@@ -157,7 +157,7 @@ class ConduitContract:
         one, other = self.linked(harness)
         closed_at = time.monotonic()
         other.conduit.close()
-        self.is_down(harness, closed_at, one)
+        self.is_down(harness, closed_at, _TOLD_WITHIN_S, one)
         again = End(harness.conduit()).start()
         self.eventually(harness, lambda: one.sink.up and again.sink.up, "the link is up again")
         self.arrives(harness, one, (b"header", b"again"), again)
@@ -174,7 +174,7 @@ class ConduitContract:
         self.arrives(harness, one, (b"header", b"before"), other)
         cut_at = time.monotonic()
         harness.cut()
-        self.is_down(harness, cut_at, one, other)
+        self.is_down(harness, cut_at, _TOLD_WITHIN_S, one, other)
         _sends(one, 10)
         self.never(harness, lambda: one.sink.up or other.sink.up, "a link that is cut")
         harness.mend()
@@ -194,7 +194,7 @@ class ConduitContract:
                 _sends(one, 10, payload)
             _sends(one, 100, b"small")
             assert _resident_bytes() - before < harness.waiting_bytes + _OWN_GROWTH_BYTES
-            self.is_down(harness, frozen_at, one, within_s=within_s)
+            self.is_down(harness, frozen_at, within_s, one)
         self.eventually(harness, lambda: one.sink.up, "the link is up again")
 
     # Closing
@@ -297,9 +297,7 @@ class ConduitContract:
 
         self.eventually(harness, done, f"{frame[0][:16]!r} of {len(frame[1])} bytes arrives")
 
-    def is_down(
-        self, harness: ConduitHarness, since: float, *ends: End, within_s: float = _TOLD_WITHIN_S
-    ) -> None:
+    def is_down(self, harness: ConduitHarness, since: float, within_s: float, *ends: End) -> None:
         """Wait until all are told, and insist that they were told in time."""
         self.eventually(
             harness, lambda: not any(end.sink.up for end in ends), "that the link is down is told"

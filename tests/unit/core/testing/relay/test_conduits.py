@@ -23,6 +23,7 @@ class Harness(FakeCableHarness):
     """Ends of a kind of the test's choosing, and little patience."""
 
     patience_s = 0.4
+    hang_told_within_s = 0.3
     capabilities = ConduitCapabilities()
 
     def __init__(self, end: type[FakeEnd]) -> None:
