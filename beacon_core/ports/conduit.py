@@ -36,9 +36,9 @@ class Conduit(Protocol):
     one thread at a time.
 
     What a conduit promises: a frame that comes in is one that was sent, unaltered; ``send`` blocks
-    for 250 ms at the most; a link that breaks is told within 2 s, or, where a
-    large frame is on its way to an end that hangs, in the time that the adapter's page tells. What
-    it does not promise: that a frame comes in at all, once, or in order.
+    for 250 ms at the most; a link that breaks is told within 2 s, or, where a large frame is on its
+    way to an end that hangs, in the time that the adapter's page tells. What it does not promise:
+    that a frame comes in at all, once, or in order.
     """
 
     def start(self, sink: FrameSink) -> None:

@@ -11,8 +11,8 @@ import signal
 import struct
 import subprocess
 import sys
+import time
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Any
 
 import attrs
@@ -22,7 +22,6 @@ from std_msgs.msg import UInt8MultiArray
 
 from beacon_core.relay.values import Qos, TopicType
 from beacon_core.testing.relay.topic_harness import PeerPublisher, TopicCapabilities
-from beacon_core.testing.waiting import wait_until
 from beacon_ros.domains import DomainLease
 from beacon_ros.ending import deafen
 from beacon_ros.mortal import short_lease
@@ -87,16 +86,16 @@ class Peers:
 
     def publisher(self, topic: str, of: TopicType, qos: Qos) -> _Publisher:
         """One that publishes bytes of any type."""
-        made: list[Any] = []
-
-        def make() -> bool:
-            # A former one of another type, which was closed, may go only a moment later.
-            with suppress(Exception):  # RCLError, which is not a public name
-                made.append(self.node.create_publisher(type_for(of), topic, profile(qos, 1)))
-            return bool(made)
-
-        assert wait_until(make, _PATIENCE_S)  # noqa: S101 - a check would fail anyway
-        return _Publisher(self, made[0])
+        deadline = time.monotonic() + _PATIENCE_S
+        while True:
+            try:
+                made = self.node.create_publisher(type_for(of), topic, profile(qos, 1))
+                return _Publisher(self, made)
+            except Exception:  # RCLError, which is not a public name
+                # One of another type, which was closed, may go only when its executor lets go.
+                if time.monotonic() >= deadline:
+                    raise
+                time.sleep(0.005)
 
     def subscription(self, topic: str, qos: Qos) -> _Subscription:
         """One of :data:`BYTES`, typed: what it cannot parse it does not get."""

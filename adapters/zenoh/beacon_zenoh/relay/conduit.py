@@ -45,9 +45,17 @@ from beacon_zenoh.relay.options import MAX_HEADER_BYTES, RelayOptions
 from beacon_zenoh.relay.outbox import Outbox
 from beacon_zenoh.session import CLOSE_WITHIN_S, SessionKeeper
 
-__all__ = ["DEFAULTS", "ZenohConduit"]
+__all__ = ["DEFAULTS", "LEASE_S", "LONGEST_WAIT_S", "ZenohConduit"]
 
 _log = logging.getLogger(__name__)
+
+LEASE_S = 1.5
+"""The port promises that a link that breaks is told within 2 s."""
+
+LONGEST_WAIT_S = 3.0
+"""Of one frame, in the outbox's thread. While it waits, Zenoh cannot end its connection, and no
+other session of the process begins one: an end that hangs is told so much later. With less, a large
+frame would never pass a slow link: 1 MiB needs 3 Mbit/s."""
 
 _WAIT_MS = 80
 """Two of them, which a frame of ``_DIRECT_BYTES`` may need, are below the 250 ms of the port."""
@@ -66,17 +74,12 @@ DEFAULTS = {
     "transport": {
         "link": {
             "tx": {
-                # The port promises that a link that breaks is told within 2 s.
-                "lease": 1_500,
+                "lease": round(LEASE_S * 1e3),
                 "queue": {
                     "congestion_control": {
                         "drop": {
                             "wait_before_drop": _WAIT_MS * 1000,
-                            # Only the outbox waits; but while it does, Zenoh cannot end this
-                            # connection, and no other session of the process begins one: an end
-                            # that hangs is told so much later. With less, a large frame would
-                            # never pass a slow link: 1 MiB now needs 3 Mbit/s.
-                            "max_wait_before_drop_fragments": 3_000_000,
+                            "max_wait_before_drop_fragments": round(LONGEST_WAIT_S * 1e6),
                         }
                     }
                 },

@@ -18,6 +18,7 @@ from beacon_core.ports.conduit import Conduit
 from beacon_core.testing.relay.conduit_harness import ConduitCapabilities, RealTimeConduitHarness
 from beacon_zenoh.harness import free_endpoint, open_router
 from beacon_zenoh.relay import CONDUIT
+from beacon_zenoh.relay.conduit import LEASE_S, LONGEST_WAIT_S
 from beacon_zenoh.relay.options import RelayOptions
 
 __all__ = ["ProcessEnd", "Wire", "ZenohConduitHarness", "ZenohRouterConduitHarness"]
@@ -30,8 +31,8 @@ class ZenohConduitHarness(RealTimeConduitHarness):
 
     capabilities = ConduitCapabilities()
     waiting_bytes = _SEND_BYTES
-    # The lease, what a frame may wait, and what Zenoh gives itself to send the rest.
-    hang_told_within_s = 1.5 + 3.0 + 0.4
+    # Last, what Zenoh gives itself to send the rest: the time between two signs of life.
+    hang_told_within_s = LEASE_S + LONGEST_WAIT_S + LEASE_S / 4
 
     def __init__(self) -> None:
         self._endpoint = free_endpoint()

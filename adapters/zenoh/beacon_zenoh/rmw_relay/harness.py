@@ -153,10 +153,6 @@ class Publisher:
             self._made = peers.session.declare_publisher(key, congestion_control=block)
         self._token: zenoh.LivelinessToken | None = peers.declare(member)
 
-    def matched(self) -> bool:
-        """Does it know of a subscriber? Until then Zenoh sends nothing. Not of a durable one."""
-        return bool(self._made.matching_status.matching)
-
     def publish(self, payload: bytes) -> None:
         self._sequence += 1
         beside = attachment.encode(self.gid, self._sequence, time.time_ns())
