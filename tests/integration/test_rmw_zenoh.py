@@ -271,8 +271,16 @@ def test_a_thousand_nodes_are_known_and_missed_in_time(harness: RmwHarness) -> N
         assert process.stdout.readline() == b"up\n"
         return process
 
-    def nodes(listener: Listener, count: int) -> Callable[[], bool]:
-        return lambda: graph_of(listener).size() - 2 == count  # but for our own
+    def known(listener: Listener, count: int) -> Callable[[], bool]:
+        """Whether that many nodes are known, each with both its members: each has a token of its
+        own, and those of the members come after their node's."""
+
+        def check() -> bool:
+            views = graph_of(listener).nodes()
+            fleet = [view for view in views if view.node.namespace == "/fleet"]
+            return len(fleet) == count and all(len(view.members) == 2 for view in fleet)
+
+        return check
 
     def renewed(listener: Listener, times: int) -> Callable[[], bool]:
         return lambda: counters(listener)["renewals"] == times
@@ -282,14 +290,11 @@ def test_a_thousand_nodes_are_known_and_missed_in_time(harness: RmwHarness) -> N
     late.start()
     for generation in range(1, 5):
         for listener in (early, late):
-            within(harness, nodes(listener, 1000), "they are known")
-        views = [view for view in graph_of(late).nodes() if view.node.namespace == "/fleet"]
-        assert len(views) == 1000
-        assert all(len(view.members) == 2 for view in views)
+            within(harness, known(listener, 1000), "they are known")
         robots.kill()
         robots.communicate()
         for listener in (early, late):
-            within(harness, nodes(listener, 0), "they are missed")
+            within(harness, known(listener, 0), "they are missed")
             # Another session is taken when all is quiet: without, it would take longer each time.
             within(harness, renewed(listener, generation), "the session is renewed", 5.0)
         robots = fleet()
