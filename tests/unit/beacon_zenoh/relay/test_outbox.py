@@ -1,12 +1,12 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Iterator
 
 import pytest
 
 from beacon_core.testing.harness import within
+from beacon_core.testing.waiting import wait_until
 from beacon_zenoh.relay.outbox import Outbox
 
 
@@ -20,8 +20,9 @@ class Carrier:
 
     def put(self, header: bytes, payload: bytes) -> bool:
         self.let.acquire()
+        swift = self.swift
         self.taken.append((header, payload))
-        return self.swift
+        return swift
 
 
 @pytest.fixture
@@ -32,10 +33,12 @@ def carrier() -> Iterator[Carrier]:
 
 
 def wait_for_idle(outbox: Outbox) -> None:
-    deadline = time.monotonic() + 10
-    while outbox.busy:
-        assert time.monotonic() < deadline
-        time.sleep(0.001)
+    assert wait_until(lambda: not outbox.busy, 10)
+
+
+def wait_until_put(outbox: Outbox) -> None:
+    """Until nothing waits any more, though the last one may still be under way."""
+    assert wait_until(lambda: not outbox._waiting, 10)
 
 
 def test_frames_are_put_in_order_and_then_it_is_idle(carrier: Carrier) -> None:
@@ -89,8 +92,7 @@ def test_after_a_slow_one_it_stays_busy_until_one_was_swift(carrier: Carrier) ->
     carrier.swift = False
     outbox.offer(b"slow", b"")
     carrier.let.release()
-    while not carrier.taken:
-        time.sleep(0.001)
+    assert wait_until(lambda: carrier.taken, 10)
     carrier.swift = True
     assert outbox.busy
     outbox.offer(b"swift", b"")
@@ -102,8 +104,7 @@ def test_after_a_slow_one_it_stays_busy_until_one_was_swift(carrier: Carrier) ->
 def test_what_waits_can_be_forgotten_and_then_there_is_room(carrier: Carrier) -> None:
     outbox = Outbox(10, carrier.put)
     assert outbox.offer(b"1", b"")
-    while outbox._waiting:
-        time.sleep(0.001)
+    wait_until_put(outbox)
     assert outbox.offer(b"123", b"45678")
     outbox.clear()
     assert outbox.offer(b"54321", b"6789")
@@ -119,10 +120,11 @@ def test_closing_waits_for_what_is_put_but_not_for_ever_nor_for_itself(carrier: 
     assert not outbox.offer(b"h", b"")
     hanging = Outbox(100, carrier.put)
     hanging.offer(b"h", b"")
+    wait_until_put(hanging)
     hanging.offer(b"never", b"")
-    within(1, lambda: hanging.close(0.05))
+    within(5, lambda: hanging.close(0.05))
     carrier.let.release()
-    within(1, lambda: hanging.close(10))
+    within(5, lambda: hanging.close(10))
     assert carrier.taken == [(b"h", b"")]
     closed = threading.Event()
 
