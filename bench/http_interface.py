@@ -99,10 +99,12 @@ def compared(path: str, rounds: int, seconds: float) -> dict[str, Found]:
     """One client that asks each in turn."""
     found = {name: Found() for name in ("afresh", "gateway", "bare")}
     with contextlib.ExitStack() as stack:
-        clients: dict[str, Client] = {}
+        servers: dict[str, tuple[int, int]] = {}
         for name in found:
-            answer = clients["gateway"].get(path) if name == "bare" else b""
-            clients[name] = Client(*stack.enter_context(served(name, path, answer)))
+            answer = Client(*servers["gateway"]).get(path) if name == "bare" else b""
+            servers[name] = stack.enter_context(served(name, path, answer))
+        # Only now: a connection that says nothing while another server starts is closed.
+        clients = {name: Client(*server) for name, server in servers.items()}
         sizes = {name: len(client.get(path)) for name, client in clients.items()}
         assert max(sizes.values()) < 1.02 * min(sizes.values()), sizes
         for number in range(rounds):
@@ -126,7 +128,9 @@ class Client:
         self._socket.sendall(f"GET {path} HTTP/1.1\r\nHost: bench\r\n\r\n".encode())
         view, got, whole = memoryview(self._buffer), 0, 0
         while not whole or got < whole:
-            got += self._socket.recv_into(view[got:])
+            if not (read := self._socket.recv_into(view[got:])):
+                raise ConnectionError("the server closed the connection")
+            got += read
             if not whole and (head := self._buffer.find(b"\r\n\r\n", 0, got)) >= 0:
                 head_text = bytes(self._buffer[:head]).lower()
                 assert head_text.startswith(b"http/1.1 200"), head_text

@@ -110,21 +110,31 @@ def measured(changing: int, turns: int, seconds: float) -> tuple[Client, Client]
 
 
 class Client:
-    """Asks at its times on connections that stay open.
+    """Asks at its times on connections that stay open for as long as it asks.
 
     ``select`` because it can wait for less than a millisecond, which event loops do not.
     """
 
     def __init__(self, port: int, paths: list[str]) -> None:
-        self._paths = paths
-        self._lines = [socket.create_connection(("127.0.0.1", port)) for _ in range(CONNECTIONS)]
-        for line in self._lines:
-            line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._port, self._paths = port, paths
         self.took_ms: list[float] = []
 
     def ask_for(self, seconds: float) -> None:
         """For so long, and until all is answered."""
-        free, waiting = deque(self._lines), dict[socket.socket, tuple[float, bytearray]]()
+        with contextlib.ExitStack() as stack:
+            # Anew each time: one that says nothing during the other's turn may be closed.
+            self._ask([stack.enter_context(self._connect()) for _ in range(CONNECTIONS)], seconds)
+
+    def percentile_ms(self, share: int) -> float:
+        return statistics.quantiles(self.took_ms, n=100)[share - 1]
+
+    def _connect(self) -> socket.socket:
+        line = socket.create_connection(("127.0.0.1", self._port))
+        line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return line
+
+    def _ask(self, lines: list[socket.socket], seconds: float) -> None:
+        free, waiting = deque(lines), dict[socket.socket, tuple[float, bytearray]]()
         start, count, asked = time.monotonic(), int(seconds * RATE), 0
         while asked < count or waiting:
             due = start + asked / RATE
@@ -145,9 +155,6 @@ class Client:
                     self.took_ms.append((time.monotonic() - due_then) * 1e3)
                     del waiting[line]
                     free.append(line)
-
-    def percentile_ms(self, share: int) -> float:
-        return statistics.quantiles(self.took_ms, n=100)[share - 1]
 
     def _path(self) -> bytes:
         return random.choice(self._paths).encode()  # noqa: S311 - no secret

@@ -54,12 +54,13 @@ class Waker:
                 self._ring(key)
 
     def _next(self) -> list[Hashable] | None:
-        """Wait for the next ones that are due; ``None`` at the end."""
+        """Wait for the next ones that are due, the earliest first; ``None`` at the end."""
         with self._changed:
             while not self._ended:
                 now_ns = self._clock.monotonic_ns()
                 rung = [key for key, due_ns in self._due.items() if due_ns <= now_ns]
                 if rung:
+                    rung.sort(key=self._due.__getitem__)
                     for key in rung:
                         del self._due[key]
                     return rung

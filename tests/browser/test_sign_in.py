@@ -95,7 +95,7 @@ def test_a_wrong_token_is_refused_and_not_kept(locked_stage: Any, page: Any) -> 
 def test_of_an_expired_token_the_page_says_so_and_takes_another(
     locked_stage: Any, page: Any
 ) -> None:
-    give(page, locked_stage.passing_token(4.0))
+    give(page, locked_stage.passing_token(6.0))
     row(page, "Gripper arm").wait_for()
     page.get_by_text("does not count any more: it has expired").wait_for()
     page.get_by_text("the last that was heard").wait_for()

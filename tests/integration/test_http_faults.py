@@ -167,7 +167,8 @@ def unharmed(shop: Shop) -> Iterator[None]:
     assert spoken >= 0.8 * ROBOTS * 2 * (time.monotonic() - began) - ROBOTS
     for verdict in ("source-rate", "global-rate", "store-full", "malformed", "invalid", "fault"):
         assert after[verdict] == heard[verdict] == 0
-    assert shop.active() == ROBOTS
+    # A machine that stood still longer than a lease has lost them for a moment.
+    eventually(lambda: shop.active() == ROBOTS)
 
 
 LISTING = b"GET /api/v1/apps HTTP/1.1\r\nHost: x\r\n\r\n"

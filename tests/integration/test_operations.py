@@ -153,7 +153,8 @@ def test_after_a_restart_the_last_known_are_shown_until_they_are_heard(
         other.announce(BeaconHint("camera"))
         state = gateway.path.with_name("state.jsonl")
         eventually(lambda: gateway.status("lidar") == gateway.status("camera") == "active")
-        eventually(lambda: state.exists() and b'"camera"' in state.read_bytes())
+        for name in (b'"lidar"', b'"camera"'):
+            eventually(lambda name=name: state.exists() and name in state.read_bytes())  # type: ignore[misc]
         gateway.stop(end)
     # Nobody hears that both go.
     gateway.start()

@@ -77,7 +77,7 @@ def snippets() -> list[str]:
 
 
 def wait_for(store: HintStore, status: Status) -> None:
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 60
     while (stored := store.get("engine_temp")) is None or stored.status is not status:
         assert time.monotonic() < deadline, stored
         Event().wait(0.02)

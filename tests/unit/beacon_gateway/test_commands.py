@@ -853,7 +853,7 @@ def test_demo_tells_what_happens_and_what_the_gateway_makes_of_it(
 
 def test_demo_ends_by_itself_after_its_duration(capsys: Capture) -> None:
     assert beacon("demo", "--port", "0", "--duration", "0.7") == 0
-    assert "picker_1 starts" in capsys.readouterr().out
+    assert "the demo ends; everybody says goodbye" in capsys.readouterr().out
 
 
 def test_the_demo_needs_its_port(capsys: Capture) -> None:
@@ -906,10 +906,10 @@ def test_the_fleet_does_as_told_and_ends_with_the_demo() -> None:
                 ("thaw", "active"),
             ):
                 fleet.do(Step(0, "a", action))
-                eventually(lambda wanted=becomes: state("a") == wanted)  # type: ignore[misc]
+                eventually(lambda wanted=becomes: state("a") == wanted, 60)  # type: ignore[misc]
             fleet.do(Step(0, "b", "start"))
-            eventually(lambda: state("b") == "active")
-        eventually(lambda: state("a") == state("b") == "left")
+            eventually(lambda: state("b") == "active", 60)
+        eventually(lambda: state("a") == state("b") == "left", 60)
 
 
 def test_a_robot_that_does_not_end_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -957,13 +957,14 @@ def test_announce_tells_when_its_gateway_has_come(capsys: Capture) -> None:
             told.append(record.getMessage())
 
     def come_late() -> None:
+        eventually(lambda: any(one.startswith("No connection to") for one in told))
         gateway.start()
         eventually(lambda: "connected" in told)
         os.kill(os.getpid(), signal.SIGINT)
 
     listen = Listen()
     log.addHandler(listen)
-    thread = threading.Timer(0.6, come_late)
+    thread = threading.Thread(target=come_late)
     thread.start()
     with closing(gateway):
         assert beacon("announce", "--entity-id", "a", "--connect", endpoint) == 0

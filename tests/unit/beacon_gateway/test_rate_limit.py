@@ -150,5 +150,6 @@ def test_the_application_answers_429_in_the_form_of_all_errors(make_plant: Plant
     answers = asyncio.run(ask())
     assert [one.headers["x-ratelimit-remaining"] for one in answers] == ["1", "0", "0"]
     assert [one.status_code for one in answers] == [200, 200, 429]
-    assert answers[2].headers["retry-after"] == "30"
+    # Thirty seconds after the last one was due, of which some have passed.
+    assert 25 <= int(answers[2].headers["retry-after"]) <= 30
     assert answers[2].json()["error_code"] == "rate-limit-exceeded"

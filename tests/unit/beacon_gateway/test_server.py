@@ -66,13 +66,18 @@ def test_an_open_connection_does_not_hold_up_the_end() -> None:
 
 
 def test_who_must_end_answers_is_told_before_they_are_waited_for() -> None:
-    stopping = threading.Event()
+    asked, stopping = threading.Event(), threading.Event()
 
     async def until_told(_: Request) -> PlainTextResponse:
+        asked.set()
         # The event is of threads: nothing here can wait for it.
         while not stopping.is_set():  # noqa: ASYNC110
             await asyncio.sleep(0.01)
         return PlainTextResponse("ended in order")
+
+    def stop_when_asked(server: HttpServer) -> None:
+        assert asked.wait(30)
+        server.stop()
 
     app = Starlette(routes=[Route("/", until_told)])
     with closing(HttpServer("127.0.0.1", 0)) as server:
@@ -80,11 +85,11 @@ def test_who_must_end_answers_is_told_before_they_are_waited_for() -> None:
             target=server.serve, args=(app,), kwargs={"at_stop": stopping.set}
         )
         serving.start()
-        timer = threading.Timer(0.2, server.stop)
-        timer.start()
-        assert httpx.get(server.url).text == "ended in order"
+        stops = threading.Thread(target=stop_when_asked, args=(server,))
+        stops.start()
+        assert httpx.get(server.url, timeout=60).text == "ended in order"
         serving.join(5)
-        timer.join()
+        stops.join()
 
 
 def test_room_is_made_for_connections_as_far_as_the_system_allows() -> None:

@@ -67,10 +67,11 @@ def test_an_end_that_is_stuck_is_told_of_and_holds_up_no_other(served: tuple[Rel
     holder = threading.Thread(target=relay.ends["robot"]._turns.take, args=(hold,))
     holder.start()
     assert held.wait(10)
-    robot, site = httpx.get(url + RELAY_PATH).json()["ends"]
+    # Each answer waits a second for the one that is stuck.
+    robot, site = httpx.get(url + RELAY_PATH, timeout=60).json()["ends"]
     assert (robot["link"], site["link"]) == ("stuck", "up")
     assert "forward" not in robot
-    text = httpx.get(f"{url}/metrics").text
+    text = httpx.get(f"{url}/metrics", timeout=60).text
     assert 'beacon_relay_link_up{end="robot"} 0.0' in text
     assert 'beacon_relay_link_up{end="site"} 1.0' in text
     go_on.set()

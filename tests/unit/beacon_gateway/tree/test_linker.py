@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from beacon_gateway.tree.entities import App, RosBinding, Tree
@@ -126,6 +126,7 @@ apps = st.lists(
 )
 
 
+@settings(deadline=None)
 @given(apps, st.lists(nodes, max_size=6), st.randoms(use_true_random=False))
 def test_whatever_the_graph_each_node_is_counted_once_in_whatever_order_it_is_told(
     known: list[App], told: list[str], chance: random.Random
@@ -163,6 +164,7 @@ def test_the_nodes_of_the_apps_are_asked_unless_one_may_be_called_anything(
     assert whom_to_ask(apps, link(apps, nodes).bound) == asked
 
 
+@settings(deadline=None)
 @given(
     st.lists(
         st.builds(
