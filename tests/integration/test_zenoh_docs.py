@@ -44,8 +44,11 @@ def test_its_python_comes_and_leaves(
     subprocess.run([sys.executable, "-c", code], check=True, timeout=30)
     assert harness.wait_until(lambda: listener.has(entity_id, Status.LEFT), 5.0)
     calls = listener.tap.calls
-    assert [call.kind for call in calls[-2:]] == ["offer", "goodbye"]
-    assert all(call.incarnation and call.sequence for call in calls)
+    assert all(call.incarnation for call in calls)
+    # On a busy machine the end of its connection may be told before its goodbye, by another thread.
+    said = [call for call in calls if call.kind != "lost"]
+    assert [call.kind for call in said[-2:]] == ["offer", "goodbye"]
+    assert all(call.sequence for call in said)
     assert listener.source.health().counters["bad-attachments"] == 0
 
 

@@ -12,7 +12,8 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -66,11 +67,18 @@ class MortalAnnouncer:
         """Of the process alone."""
         return Health(Condition.UP if self.process.poll() is None else Condition.CLOSED)
 
+    @contextmanager
+    def stopped(self) -> Iterator[None]:
+        """Within, it stands still; it may be killed all the same."""
+        self.process.send_signal(signal.SIGSTOP)
+        yield
+        self.process.send_signal(signal.SIGCONT)
+
     def end(self, number: signal.Signals) -> int:
         """Send the signal and wait. Returns the exit code."""
         assert self.process.stdin is not None  # noqa: S101 - for the type checker
         self.process.send_signal(number)
-        code = self.process.wait(10)
+        code = self.process.wait(30)
         self.process.stdin.close()
         return code
 

@@ -85,7 +85,7 @@ class RosParamHarness(RealTimeHarness):
 
     def silenced(self, announcer: Announcer) -> AbstractContextManager[object]:
         if isinstance(announcer, MortalAnnouncer):
-            return _stopped(announcer)
+            return announcer.stopped()
         assert isinstance(announcer, RosParamAnnouncer)  # noqa: S101 - for the type checker
         return _busy(announcer)
 
@@ -101,13 +101,6 @@ class RosParamHarness(RealTimeHarness):
         super().close()
         for lease in self._domains.values():
             lease.close()
-
-
-@contextmanager
-def _stopped(announcer: MortalAnnouncer) -> Iterator[None]:
-    announcer.process.send_signal(signal.SIGSTOP)
-    yield
-    announcer.process.send_signal(signal.SIGCONT)
 
 
 @contextmanager

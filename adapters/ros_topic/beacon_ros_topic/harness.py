@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from typing import Any
 
 from rclpy.publisher import Publisher
@@ -76,6 +77,12 @@ class RosTopicHarness(RealTimeHarness):
     def crash(self, announcer: Announcer) -> None:
         assert isinstance(announcer, MortalAnnouncer)  # noqa: S101 - for the type checker
         announcer.end(signal.SIGKILL)
+
+    def silenced(self, announcer: Announcer) -> AbstractContextManager[object]:
+        # For some seconds it tells a listener once more whom it has just met.
+        if isinstance(announcer, MortalAnnouncer):
+            return announcer.stopped()
+        return super().silenced(announcer)
 
     def encode(self, hint: BeaconHint, stamp_ns: int = 0) -> bytes:
         return cdr.encode(hint, stamp_ns)

@@ -8,7 +8,6 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -22,11 +21,13 @@ from beacon_core.ports.announcer import Announcer
 from beacon_core.ports.health import Condition, Health
 from beacon_core.ports.source import HintSource
 from beacon_core.testing.harness import RealTimeHarness
+from beacon_core.testing.waiting import wait_until
 from beacon_core.wire import json as wire
 from beacon_zenoh import ADAPTER
 from beacon_zenoh.config import session_config
 from beacon_zenoh.keys import Keys
 from beacon_zenoh.options import SessionOptions, ZenohOptions
+from beacon_zenoh.probe import place, why_unreachable
 
 __all__ = [
     "OwnRouterHarness",
@@ -124,7 +125,10 @@ class OwnRouterHarness(ZenohHarness):
         first = self._first.get(network)
         if first is not None and first.health().condition is not Condition.CLOSED:
             return super().source(network)
-        source = self.adapter.source(ZenohOptions(listen=self.options(network).connect))
+        (endpoint,) = self.options(network).connect
+        # Closing does not wait for Zenoh for ever: the port may still be taken.
+        self.wait_until(lambda: _is_free(endpoint), self.patience_s)
+        source = self.adapter.source(ZenohOptions(listen=(endpoint,)))
         self._first[network] = source
         self._made.append(source)
         return source
@@ -145,17 +149,16 @@ class Strangers:
         payload: bytes,
         attachment: bytes | None = None,
     ) -> None:
-        """Once somebody who listens is known at this end, but after a second in any case: until the
-        router has told of it, what is put is lost."""
+        """Once somebody who listens is known at this end: until the router has told of it, what is
+        put is lost."""
         if (sender, key) not in self._publishers:
             # To wait, as a reliable publisher that keeps all: the suite counts what arrives.
             self._publishers[sender, key] = self._session(sender, options).declare_publisher(
                 key, congestion_control=zenoh.CongestionControl.BLOCK
             )
         publisher = self._publishers[sender, key]
-        deadline = time.monotonic() + 1.0
-        while not _matching(publisher) and time.monotonic() < deadline:
-            time.sleep(0.001)
+        known = wait_until(lambda: _matching(publisher), 30.0, pause_s=0.001)
+        assert known, f"nobody listens to {key}"  # noqa: S101 - what a test relies on
         publisher.put(payload, attachment=attachment)
 
     def close(self) -> None:
@@ -232,6 +235,12 @@ def open_router(options: ZenohOptions | None = None) -> tuple[zenoh.Session, str
             return zenoh.open(session_config(listening, "router").make()), endpoint
         except zenoh.ZError:  # somebody else took the port meanwhile
             continue
+
+
+def _is_free(endpoint: str) -> bool:
+    """Does nobody listen there?"""
+    at = place(endpoint)
+    return at is None or bool(why_unreachable(at, 1.0))
 
 
 def _matching(publisher: Any) -> bool:

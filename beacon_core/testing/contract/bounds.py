@@ -133,6 +133,8 @@ class BoundsChecks(ContractBase):
         harness.announcer().announce(said)
         self.active(harness, listener, "engine")
         assert known(listener, "engine").hint == kept
+        # The store has it a moment before the call is over.
+        self.eventually(harness, lambda: bool(listener.tap.calls), "what was heard is noted")
         field = limit.partition("-")[0]
         repairs = [repair for call in listener.tap.calls for repair in call.outcome.repairs]
         assert repairs

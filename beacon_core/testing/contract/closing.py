@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -97,11 +98,22 @@ class ClosingChecks(ContractBase):
         self.never(harness, lambda: len(listener.tap.calls) > 1, "a call after close")
 
     def test_close_waits_for_the_callback_in_progress(self, harness: Harness) -> None:
+        for _ in range(5):
+            order, held_s = self._close_during_a_callback(harness)
+            # A close may give up after half of its time, for which a busy machine may hold us up.
+            if held_s < 0.35 * CLOSE_WITHIN_S:
+                break
+        assert order == ["callback ended", "close returned"]
+
+    def _close_during_a_callback(self, harness: Harness) -> tuple[list[str], float]:
+        """What ended in which order, and for how many seconds the callback was held."""
         listener = Listener(harness).start()
         entered, release = threading.Event(), threading.Event()
         order: list[str] = []
+        began: list[float] = []
 
         def hold() -> None:
+            began.append(time.monotonic())
             entered.set()
             release.wait(CLOSE_WITHIN_S)
             order.append("callback ended")
@@ -111,7 +123,8 @@ class ClosingChecks(ContractBase):
             order.append("close returned")
 
         listener.tap.hook = hold
-        harness.announcer().announce(hint("engine"))
+        announcer = harness.announcer()
+        announcer.announce(hint("engine"))
         waiting = threading.Thread(
             target=harness.wait_until, args=(release.is_set, harness.patience_s), daemon=True
         )
@@ -121,9 +134,11 @@ class ClosingChecks(ContractBase):
         closing.start()
         closing.join(0.2)
         release.set()
+        held_s = time.monotonic() - began[0]
         within(CLOSE_WITHIN_S, closing.join)
         within(harness.patience_s, waiting.join)
-        assert order == ["callback ended", "close returned"]
+        announcer.close()
+        return order, held_s
 
     def test_a_second_start_is_a_mistake_of_the_caller(self, harness: Harness) -> None:
         listener = Listener(harness).start()

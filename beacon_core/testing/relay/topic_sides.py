@@ -30,10 +30,13 @@ from beacon_core.testing.relay.topic_steps import (
     RELIABLE,
     eventually,
     failed,
+    heard_since,
+    is_heard,
     is_matched,
     needs,
     new_publisher,
     nothing,
+    received_since,
     seen_as,
     speak,
     subscribed,
@@ -193,10 +196,9 @@ class TopicSideContract:
         self, harness: TopicHarness, side: TopicSide, watching: Watching, body: bytes
     ) -> None:
         peer = subscribed(harness, side, watching, 1, "/topic")
-        told = len(watching.heard)
         peer.publish(harness.message(body))
-        eventually(harness, lambda: len(watching.heard) > told, "the message comes")
-        heard = watching.heard[told]
+        eventually(harness, lambda: heard_since(harness, watching), "the message comes")
+        heard = heard_since(harness, watching)[0]
         assert heard.handle == 1
         assert heard.payload == harness.message(body)
         assert heard.stamp_ns > 0
@@ -206,12 +208,11 @@ class TopicSideContract:
         self, harness: TopicHarness, side: TopicSide, watching: Watching
     ) -> None:
         peer = subscribed(harness, side, watching, 1, "/topic")
-        told = len(watching.heard)
         sent = [harness.message(b"%d" % number) for number in range(50)]
         for payload in sent:
             peer.publish(payload)
-        eventually(harness, lambda: len(watching.heard) >= told + 50, "all messages come")
-        assert [one.payload for one in watching.heard[told:]] == sent
+        eventually(harness, lambda: len(heard_since(harness, watching)) >= 50, "all messages come")
+        assert [one.payload for one in heard_since(harness, watching)] == sent
 
     def test_nothing_arrives_that_is_not_subscribed_to(
         self, harness: TopicHarness, side: TopicSide, watching: Watching
@@ -403,12 +404,13 @@ class TopicSideContract:
         peer = harness.subscription("/topic", harness.types[0], RELIABLE)
         side.create_publisher(new_publisher(harness, 1, "/topic"))
         is_matched(harness, watching, 1)
+        is_heard(harness, side, 1, peer)
         sent = [harness.message(b"%d" % number) for number in range(20)]
         for payload in sent:
             side.publish(Publish(1, payload, 0, FIRST, 1))
         within(CLOSE_WITHIN_S, lambda: side.destroy_publisher(1))
-        eventually(harness, lambda: len(peer.received()) >= 20, "all came")
-        assert peer.received() == sent
+        eventually(harness, lambda: len(received_since(harness, peer)) >= 20, "all came")
+        assert received_since(harness, peer) == sent
 
     def test_a_publisher_gives_way_to_one_of_another_type(
         self, harness: TopicHarness, side: TopicSide, watching: Watching

@@ -14,7 +14,9 @@ from beacon_core.relay.effects import CreatePublisher, Publish, Subscribe
 from beacon_core.relay.forwarding import SeenTopic
 from beacon_core.relay.values import Qos
 from beacon_core.testing.relay.topic_harness import (
+    Heard,
     PeerPublisher,
+    PeerSubscription,
     TopicHarness,
     Watching,
 )
@@ -25,10 +27,13 @@ __all__ = [
     "RELIABLE",
     "eventually",
     "failed",
+    "heard_since",
+    "is_heard",
     "is_matched",
     "needs",
     "new_publisher",
     "nothing",
+    "received_since",
     "seen_as",
     "speak",
     "subscribed",
@@ -40,6 +45,8 @@ RELIABLE = Qos(reliable=True, durable=False, depth=100)
 
 FIRST = 0x1234_5678_9ABC_DEF0
 """The forwarder whose messages most checks publish."""
+
+_MARK = b"are you there?"
 
 
 def needs(harness: TopicHarness, capability: str) -> None:
@@ -100,10 +107,9 @@ def subscribed(
     peer = harness.publisher(topic, harness.types[0], RELIABLE)
     seen_as(harness, watching, topic)
     side.subscribe(Subscribe(handle, topic, harness.types[0], RELIABLE))
-    mark = harness.message(b"are you there?")
 
     def heard() -> bool:
-        peer.publish(mark)
+        peer.publish(harness.message(_MARK))
         return bool(watching.payloads(handle))
 
     eventually(harness, heard, f"{topic} is heard")
@@ -111,6 +117,28 @@ def subscribed(
     while told != (told := len(watching.heard)):
         wait_until(lambda: False, harness.quiet_s / 3)
     return peer
+
+
+def heard_since(harness: TopicHarness, watching: Watching) -> list[Heard]:
+    """What came besides what :func:`subscribed` said until it was heard, some of it late."""
+    mark = harness.message(_MARK)
+    return [one for one in list(watching.heard) if one.payload != mark]
+
+
+def is_heard(harness: TopicHarness, side: TopicSide, handle: int, peer: PeerSubscription) -> None:
+    """Publish until the peer hears it: DDS may lose what is said right after a match."""
+
+    def heard() -> bool:
+        side.publish(Publish(handle, harness.message(_MARK), 0, FIRST, 1))
+        return bool(peer.received())
+
+    eventually(harness, heard, f"publisher {handle} is heard")
+
+
+def received_since(harness: TopicHarness, peer: PeerSubscription) -> list[bytes]:
+    """What the peer has received besides what :func:`is_heard` said."""
+    mark = harness.message(_MARK)
+    return [one for one in peer.received() if one != mark]
 
 
 def speak(peer: PeerPublisher, payload: bytes, done: threading.Event) -> None:

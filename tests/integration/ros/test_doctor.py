@@ -38,6 +38,8 @@ ENOUGH_S = 20.0
 """For what is there: the look ends when it is seen."""
 NO_TIME_S = 4.0
 """For what is not there. Discovery sometimes takes 3 s."""
+ELSEWHERE_S = 6.0
+"""For what is there, but on another domain: so long nobody is seen here."""
 
 OTHER_HASH = "RIHS01_" + "ab" * 32
 
@@ -139,8 +141,9 @@ def test_a_robot_on_another_domain(
 ) -> None:
     with DomainLease() as other:
         monkeypatch.setattr(module, "OTHER_DOMAINS", (other.domain_id,))
+        monkeypatch.setattr(module, "_OTHERS_S", ELSEWHERE_S)
         robots.publisher("arm", domain=other.domain_id)
-        found = look(adapter, NO_TIME_S)
+        found = look(adapter, ELSEWHERE_S)
     assert of_interest(found)[0][1] == f"no node is seen on domain {robots.domain}"
     (hint,) = [one for one in found if "/arm" in one.what]
     assert hint.what == f"domain {other.domain_id} has 1 node: /arm"
@@ -231,8 +234,9 @@ def test_publishers_on_another_domain_while_somebody_else_is_here(
     robots.node("joystick")
     with DomainLease() as other:
         monkeypatch.setattr(module, "OTHER_DOMAINS", (other.domain_id,))
+        monkeypatch.setattr(module, "_OTHERS_S", ELSEWHERE_S)
         robots.publisher("arm", domain=other.domain_id)
-        found = look(TOPIC, NO_TIME_S)
+        found = look(TOPIC, ELSEWHERE_S)
     assert of_interest(found)[1:2] == [(Level.PROBLEM, f"nobody publishes {HINTS}")]
     assert found[-1].what == (
         f"domain {other.domain_id} has 1 node with a publisher of {HINTS}: /arm"
@@ -362,5 +366,5 @@ def test_an_interrupted_command_ends_at_once_with_its_exit_code(
         "the doctor looks",
     )
     child.signal(signal.SIGINT)
-    assert child.ends(5.0) == 130
+    assert child.ends(15.0) == 130  # it would have looked for 20 s
     assert child.err.read_text() == ""

@@ -176,8 +176,9 @@ def test_the_classic_mistake_is_found_out(
     monkeypatch.setattr(surroundings, "in_container", lambda: False)
     with closing(DomainLease()) as other:
         monkeypatch.setattr(module, "OTHER_DOMAINS", (other.domain_id,))
+        monkeypatch.setattr(module, "_OTHERS_S", ENOUGH_S)
         start("talker", other.domain_id)
-        with looking(domain, 3.0) as look:
+        with looking(domain, ENOUGH_S) as look:
             found = list(node_findings(look, []))
     assert found[1] == Finding(
         Level.NOTE,
@@ -192,8 +193,9 @@ def test_the_shells_domain_is_looked_at_too_where_the_configuration_has_another(
 ) -> None:
     with closing(DomainLease()) as other:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(other.domain_id))
+        monkeypatch.setattr(module, "_OTHERS_S", ENOUGH_S)
         start("talker", other.domain_id)
-        with looking(domain, 3.0) as look:
+        with looking(domain, ENOUGH_S) as look:
             found = list(module.elsewhere(look, visible_nodes))
     assert [one.what for one in found] == [f"domain {other.domain_id} has 1 node: /talker"]
 

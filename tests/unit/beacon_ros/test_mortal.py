@@ -123,7 +123,7 @@ def test_a_child_whose_parent_has_gone_ends_and_says_nothing(notes: Path) -> Non
     wait_for(notes, "period None")
     assert announcer.process.stdin is not None
     announcer.process.stdin.close()
-    assert announcer.process.wait(10) == 0
+    assert announcer.process.wait(30) == 0
     assert notes.read_text() == "period None\n"
 
 
@@ -134,7 +134,7 @@ def test_the_profile_is_there_and_says_what_the_constant_says() -> None:
 
 
 def wait_for(notes: Path, line: str) -> None:
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 30  # a process starts
     while not (notes.exists() and line in notes.read_text().splitlines()):
         assert time.monotonic() < deadline, f"never said: {line}"
         time.sleep(0.01)

@@ -18,11 +18,14 @@ from beacon_ros.participant import NO_FORK, OwnNode
 LeavesNothing = Callable[..., None]
 
 
-def test_many_nodes_have_one_participant(domain: int, threads: Callable[[], int]) -> None:
+def test_many_nodes_have_one_participant(
+    domain: int, threads: Callable[[], int], eventually: Callable[..., None]
+) -> None:
     first = OwnNode("first", domain)
     with_one = threads()
     others = [OwnNode(f"other_{number}", domain) for number in range(10)]
-    assert threads() == with_one
+    # Of those with which it began, some may have been an earlier test's.
+    eventually(lambda: threads() <= with_one)
     assert {other.context for other in others} == {first.context}
     for node in (first, *others):
         node.close()

@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from beacon_ros.spinner import Spinner
 
 DEADLINE_S = 20.0
+AGAIN_S = 2.0
+
+Ask = Callable[[Callable[[Any], None]], object]
+"""Asks a question, whose answer is to be given to this."""
 
 
 @pytest.fixture
@@ -33,6 +37,27 @@ def wait_for() -> Callable[..., None]:
             time.sleep(0.005)
 
     return wait_for
+
+
+@pytest.fixture
+def answer_to(wait_for: Callable[..., None]) -> Callable[[Ask], Any]:
+    """Asks, and gives the answer."""
+
+    def answer_to(ask: Ask) -> Any:
+        answers: list[Any] = []
+        due_s = [time.monotonic()]
+
+        def answered() -> bool:
+            # Again: who has not found the asker yet drops its answer.
+            if time.monotonic() >= due_s[0]:
+                due_s[0] += AGAIN_S
+                ask(answers.append)
+            return bool(answers)
+
+        wait_for(answered, "an answer comes")
+        return answers[0]
+
+    return answer_to
 
 
 @pytest.fixture

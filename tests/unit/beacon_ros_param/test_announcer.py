@@ -13,6 +13,7 @@ import pytest
 pytest.importorskip("rclpy", reason="rclpy is not installed: there is nobody to ask")
 
 from rcl_interfaces.srv import GetParameters, ListParameters
+from rclpy.client import Client
 
 from beacon_core.errors import ConfigError, UsageError
 from beacon_core.hint import BeaconHint
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from beacon_core.ports.asking import NodeClient
 
 WaitFor = Callable[..., None]
+AnswerTo = Callable[[Any], Any]
 
 
 @pytest.fixture
@@ -38,10 +40,19 @@ def announcer(domain_id: int) -> Iterator[RosParamAnnouncer]:
     made.close()
 
 
+@pytest.fixture
+def patient(domain_id: int) -> Iterator[RosParamAnnouncer]:
+    """One that does not clear away nodes during a test: it keeps them for two intervals."""
+    made = RosParamAnnouncer(RosParamOptions(domain_id=domain_id, interval_s=60.0))
+    yield made
+    made.close()
+
+
 class Asker:
     """Asks the announcer's nodes, when told."""
 
-    def __init__(self, domain_id: int) -> None:
+    def __init__(self, domain_id: int, answer_to: AnswerTo) -> None:
+        self._answer_to = answer_to
         self.own = OwnNode("asking_test", domain_id)
         self.spinner = Spinner(self.own.context, self.own.node)
         self.clients: dict[str, NodeClient] = {}
@@ -52,19 +63,25 @@ class Asker:
     def ask(self, name: str, wait_for: WaitFor) -> list[str]:
         client = self.clients.setdefault(name, RosClients(self.own.node)(name))
         wait_for(client.ready, "the services are found")
-        answers: list[Any] = []
-        client.list_names(answers.append)
-        wait_for(lambda: answers, "an answer comes")
-        return list(answers[0])
+        return list(self._answer_to(client.list_names))
 
     def close(self) -> None:
         assert self.spinner.close(20.0)
         self.own.close()
 
 
+def calling(client: Client, request: Any) -> Callable[[Callable[[Any], None]], None]:
+    """What asks a service, for ``answer_to``."""
+
+    def ask(done: Callable[[Any], None]) -> None:
+        client.call_async(request).add_done_callback(lambda future: done(future.result()))
+
+    return ask
+
+
 @pytest.fixture
-def asker(domain_id: int) -> Iterator[Asker]:
-    made = Asker(domain_id)
+def asker(domain_id: int, answer_to: AnswerTo) -> Iterator[Asker]:
+    made = Asker(domain_id, answer_to)
     yield made
     made.close()
 
@@ -90,7 +107,7 @@ def test_each_entity_has_a_visible_node_of_its_own(
 
 
 def test_a_node_answers_what_a_source_asks_and_nothing_else(
-    announcer: RosParamAnnouncer, asker: Asker, wait_for: WaitFor
+    announcer: RosParamAnnouncer, asker: Asker, wait_for: WaitFor, answer_to: AnswerTo
 ) -> None:
     announcer.announce(BeaconHint("engine", display_name="Engine"))
     wait_for(asker.nodes, "the node is there")
@@ -99,28 +116,26 @@ def test_a_node_answers_what_a_source_asks_and_nothing_else(
     get = asker.own.node.create_client(GetParameters, f"{name}/get_parameters")
     wait_for(get.service_is_ready, "the service is found")
     for wanted, count in (([f"{PREFIX}.entity_id"], 1), (["nothing"], 0)):
-        answer = get.call_async(GetParameters.Request(names=wanted))
-        wait_for(answer.done, "an answer comes")
-        assert len(answer.result().values) == count
+        answer = answer_to(calling(get, GetParameters.Request(names=wanted)))
+        assert len(answer.values) == count
     everything = asker.own.node.create_client(ListParameters, f"{name}/list_parameters")
-    answer = everything.call_async(ListParameters.Request())
-    wait_for(answer.done, "an answer comes")
-    assert "use_sim_time" in answer.result().result.names
+    answer = answer_to(calling(everything, ListParameters.Request()))
+    assert "use_sim_time" in answer.result.names
     services = dict(asker.own.node.get_service_names_and_types_by_node(name[1:], "/"))
     assert set(services) == {f"{name}/get_parameters", f"{name}/list_parameters"}
 
 
 def test_who_is_withdrawn_is_still_there_to_be_asked_and_comes_back_on_the_same_node(
-    announcer: RosParamAnnouncer, asker: Asker, wait_for: WaitFor
+    patient: RosParamAnnouncer, asker: Asker, wait_for: WaitFor
 ) -> None:
-    announcer.announce(BeaconHint("engine"))
+    patient.announce(BeaconHint("engine"))
     wait_for(asker.nodes, "the node is there")
     (name,) = asker.nodes()
-    announcer.withdraw("engine")
-    announcer.withdraw("engine")
-    assert announcer.health().counters["entities"] == 0
+    patient.withdraw("engine")
+    patient.withdraw("engine")
+    assert patient.health().counters["entities"] == 0
     assert asker.ask(name, wait_for) == []
-    announcer.announce(BeaconHint("engine"))
+    patient.announce(BeaconHint("engine"))
     assert asker.ask(name, wait_for) == [f"{PREFIX}.entity_id"]
     assert asker.nodes() == [name]
 

@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="rclpy is not installed: there are no events")
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterValue
 from rclpy.serialization import serialize_message
@@ -57,6 +57,7 @@ def test_an_event_about_anything_else_says_nothing(kind: str) -> None:
     assert change_in(event(kind, "use_sim_time")) is None
 
 
+@settings(deadline=None)
 @given(st.binary(max_size=80), st.integers(0, 120))
 def test_any_bytes_are_survived(noise: bytes, cut: int) -> None:
     good = event("changed_parameters", ENTITY_ID)

@@ -36,11 +36,20 @@ def test_who_is_silenced_does_not_answer_and_afterwards_does(
     announcer, listener = whole.announcer(mortal=mortal), Listener(whole).start()
     announcer.announce(BeaconHint("engine"))
     wait_for(lambda: listener.has("engine"), "it is heard")
+
+    def offers() -> int:
+        return [call.kind for call in listener.tap.calls].count("offer")
+
+    def is_silent() -> bool:
+        heard = offers()
+        return not harness.wait_until(lambda: offers() > heard, harness.quiet_s)
+
     with whole.silenced(announcer):
         harness.wait_until(lambda: False, 0.1)  # an answer may be on its way
-        heard = len(listener.tap.calls)
-        assert not harness.wait_until(lambda: len(listener.tap.calls) > heard, harness.quiet_s)
-    wait_for(lambda: len(listener.tap.calls) > heard, "it is heard again")
+        # On a busy machine for longer than that.
+        assert is_silent() or is_silent()
+        heard = offers()
+    wait_for(lambda: offers() > heard, "it is heard again")
 
 
 def test_a_silenced_announcer_may_be_crashed(harness: RosParamHarness) -> None:

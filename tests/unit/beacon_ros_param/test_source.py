@@ -8,7 +8,6 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -209,9 +208,8 @@ def test_events_of_nodes_that_are_not_there_cost_little(
         return listening.source.health().counters["events"] >= 300
 
     wait_for(flooded, "300 events are heard")
-    waits = [later - earlier for earlier, later in pairwise(looks)]
     # Names that change are looked at without a pause: of the forger there are two.
-    assert sum(wait < 0.09 for wait in waits) <= 3
+    assert len(looks) <= (looks[-1] - looks[0]) / 0.1 + 4
 
 
 def test_the_sender_is_the_full_name_of_the_node(

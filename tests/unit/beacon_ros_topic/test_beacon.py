@@ -81,6 +81,11 @@ def heard(listener: Listener, beacon: TopicBeacon, eventually: Eventually) -> To
     return beacon
 
 
+def goodbyes(listener: Listener) -> int:
+    """Of the calls that are over: the store knows of one a moment before."""
+    return [call.kind for call in listener.tap.calls].count("goodbye")
+
+
 class TestSpeaking:
     def test_it_speaks_at_once_and_says_where_it_runs(
         self, listener: Listener, node: Node, eventually: Eventually
@@ -224,13 +229,12 @@ class TestEndings:
             "destroy_node": node.destroy_node,
             "shutdown": context.shutdown,
         }[ending]()
-        eventually(lambda: listener.has("arm", Status.LEFT))
+        eventually(lambda: listener.has("arm", Status.LEFT) and goodbyes(listener))
         beacon.close()
         context.try_shutdown()
         node.destroy_node()
         beacon.close()
-        kinds = [call.kind for call in listener.tap.calls]
-        assert kinds.count("goodbye") == 1
+        assert goodbyes(listener) == 1
         with pytest.raises(UsageError, match="closed; make a new one"):
             beacon.update(display_name="late")
 
@@ -252,7 +256,7 @@ class TestEndings:
     ) -> None:
         beacon = heard(listener, TopicBeacon(node, ARM, 0.01), eventually)
         beacon.close()
-        eventually(lambda: listener.has("arm", Status.LEFT))
+        eventually(lambda: listener.has("arm", Status.LEFT) and goodbyes(listener))
         calls = len(listener.tap.calls)
         for _ in range(10):
             spin()
@@ -351,6 +355,9 @@ while not enough.is_set(): rclpy.spin_once(node, timeout_sec=0.05)
 """
 
 
+WAYS_TO_END = ("KeyboardInterrupt", "rclpy.executors.ExternalShutdownException")
+
+
 class TestPrograms:
     """Programs as somebody would write them, that end in the ways that programs end."""
 
@@ -368,7 +375,12 @@ class TestPrograms:
         program.send_signal(number)
         eventually(lambda: listener.has("arm", Status.LEFT))
         _, _, err = end(program)
-        assert "beacon" not in err  # what rclpy.spin raises is ROS's way of ending
+        # What rclpy.spin raises is ROS's way of ending, also where it interrupts the beacon. Before
+        # it and after it the beacon has nothing to say.
+        assert "beacon" not in err.partition("Traceback")[0]
+        assert err.rstrip().rpartition("\n")[2].startswith(WAYS_TO_END)
+        assert "Exception ignored" not in err
+        assert "Exception in thread" not in err
 
     @pytest.mark.parametrize(
         "ending",
@@ -421,5 +433,5 @@ class TestPrograms:
         while program.stdout.readline() != f"update: made before a fork; {NO_FORK}\n":
             assert program.poll() is None
         assert end(program) == (0, "", "")
-        eventually(lambda: listener.has("arm", Status.LEFT))
-        assert [call.kind for call in listener.tap.calls].count("goodbye") == 1
+        eventually(lambda: listener.has("arm", Status.LEFT) and goodbyes(listener))
+        assert goodbyes(listener) == 1

@@ -85,7 +85,7 @@ def test_its_gateway_hears_its_node(
     node, _, gateway = blocks("python")
     start_script(node)
     eventually(lambda: listener.has("engine_temp"))
-    out, err = start_script(gateway).communicate(timeout=20)
+    out, err = start_script(gateway).communicate(timeout=60)
     assert (out, err) == ("['engine_temp']\n", "")
 
 

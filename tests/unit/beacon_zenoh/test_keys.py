@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 import zenoh
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from beacon_core.testing.strategies import ids
@@ -13,12 +13,14 @@ from beacon_zenoh.keys import Keys, Token
 KEYS = Keys("fleet/beacon")
 
 
+@settings(deadline=None)
 @given(ids())
 def test_an_entity_is_found_in_its_own_key(entity_id: str) -> None:
     assert KEYS.entity_of(KEYS.hint(entity_id)) == entity_id
     assert zenoh.KeyExpr(KEYS.hints).includes(KEYS.hint(entity_id))
 
 
+@settings(deadline=None)
 @given(ids(), st.sampled_from(["", "0123456789abcdef", "i" * 64]))
 def test_a_token_is_found_in_its_own_key(entity_id: str, incarnation: str) -> None:
     token = Token(entity_id, incarnation)
@@ -64,6 +66,7 @@ def test_other_tokens_are_nobodys(key: str) -> None:
     assert KEYS.token_of(key) is None
 
 
+@settings(deadline=None)
 @given(st.text(max_size=50))
 def test_any_text_gives_an_answer(text: str) -> None:
     assert KEYS.entity_of(f"fleet/beacon/hint/{text}") == text

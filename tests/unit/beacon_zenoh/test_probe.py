@@ -155,7 +155,10 @@ def test_a_gateway_reached_by_another_name_is_not_believed(papers: Papers) -> No
 
 
 @pytest.mark.parametrize("signed", ["", "theirs"])
-def test_papers_that_the_gateway_does_not_take_are_the_reason(papers: Papers, signed: str) -> None:
+def test_papers_that_the_gateway_does_not_take_are_the_reason(
+    papers: Papers, signed: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("beacon_zenoh.probe._REFUSAL_S", 10.0)
     mine = tls(papers.of("robot", signed=signed or "ours"))
     if not signed:
         del mine["connect_certificate"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from beacon_zenoh.wire import MAX_INCARNATION_LENGTH, decode, encode
@@ -13,6 +13,7 @@ from beacon_zenoh.wire import MAX_INCARNATION_LENGTH, decode, encode
 NAMES = st.text(st.characters(min_codepoint=0x20, max_codepoint=0x7E), min_size=1, max_size=64)
 
 
+@settings(deadline=None)
 @given(NAMES, st.integers(0, 2**64 - 1), st.integers(0, 2**63 - 1))
 def test_what_is_written_is_read(incarnation: str, sequence: int, stamp_ns: int) -> None:
     assert decode(encode(incarnation, sequence, stamp_ns)) == (incarnation, sequence, stamp_ns)
@@ -24,6 +25,7 @@ def test_the_layout_is_the_documented_one() -> None:
     )
 
 
+@settings(deadline=None)
 @given(st.binary(max_size=100))
 def test_any_bytes_give_an_envelope_or_nothing(attachment: bytes) -> None:
     envelope = decode(attachment)

@@ -16,13 +16,13 @@ from beacon_ros_topic.relay.options import RosConduitOptions
 __all__ = ["RosConduitHarness"]
 
 _OTHER = """
-import sys, threading
+import sys, time
 from beacon_core.testing.relay.conduit_harness import End
 from beacon_ros_topic.relay.conduit import RosConduit
 from beacon_ros_topic.relay.options import RosConduitOptions
 end = End(RosConduit(RosConduitOptions(domain_id=int(sys.argv[1])))).start()
 while not end.sink.up:
-    pass
+    time.sleep(0.01)
 print("linked", flush=True)
 sys.stdin.readline()
 end.conduit.close()
@@ -60,6 +60,10 @@ class RosConduitHarness(RealTimeConduitHarness):
         self._others.append(process)
         assert process.stdout is not None  # noqa: S101 - for the type checker
         process.stdout.readline()
+        # Those here may not be yet, and would never be: what is not up refuses a frame.
+        self.wait_until(
+            lambda: all(one.send(b"linked?", b"") for one in self._made), self.patience_s
+        )
         process.send_signal(signal.SIGSTOP)
         try:
             yield

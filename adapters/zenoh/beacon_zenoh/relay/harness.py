@@ -56,6 +56,10 @@ class ZenohConduitHarness(RealTimeConduitHarness):
         other = ProcessEnd(self._client())
         self._processes.append(other)
         other.linked()
+        # Those here may not be yet, and would never be: what is not up refuses a frame.
+        self.wait_until(
+            lambda: all(one.send(b"linked?", b"") for one in self._made), self.patience_s
+        )
         other.process.send_signal(signal.SIGSTOP)
         try:
             yield other

@@ -235,7 +235,7 @@ class RmwTopicSideHarness:
     """Implements :class:`beacon_core.testing.relay.topic_harness.TopicHarness`."""
 
     capabilities = TopicCapabilities()
-    patience_s = 10.0
+    patience_s = 30.0  # a busy machine may take long to start a process
     quiet_s = 0.1  # over loopback what comes comes within a few ms
     types = (BYTES, TEXT)
     bad_types = (

@@ -18,8 +18,13 @@ def main(node_name: str, name: str, value: str) -> str:
     client = AsyncParameterClient(node, node_name)
     if not client.wait_for_services(20.0):
         return f"{node_name} has no parameter services"
-    answer = client.set_parameters([Parameter(name=name, value=get_parameter_value(value))])
-    rclpy.spin_until_future_complete(node, answer, timeout_sec=20.0)
+    parameter = Parameter(name=name, value=get_parameter_value(value))
+    for _ in range(10):
+        # Again: who has not found us yet drops its answer.
+        answer = client.set_parameters([parameter])
+        rclpy.spin_until_future_complete(node, answer, timeout_sec=2.0)
+        if answer.done():
+            break
     result = answer.result().results[0]
     node.destroy_node()
     rclpy.shutdown()

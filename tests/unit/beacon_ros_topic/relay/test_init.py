@@ -31,9 +31,11 @@ def test_conduits_meet_by_domain_and_prefix() -> None:
 
 def test_making_one_opens_nothing() -> None:
     pytest.importorskip("rclpy", reason="rclpy is not installed: neither can be made")
+    participant = import_module("beacon_ros.participant")
+    # An earlier test's may be ending.
+    before = set(participant._contexts)
     side = NETWORK.topic_side(RosNetworkOptions())
     conduit = CONDUIT.conduit(RosConduitOptions())
-    participant = import_module("beacon_ros.participant")
-    assert not participant._contexts
+    assert set(participant._contexts) <= before
     side.close()
     conduit.close()

@@ -50,6 +50,15 @@ def inner(end: End) -> ZenohConduit:
     return end.conduit
 
 
+def goes_by_itself(end: End) -> bool:
+    """Does a small frame go without the outbox? Not while the last one there took its time, as a
+    busy machine may make it; then this one lets the next go."""
+    outbox = inner(end)._outbox
+    behind = outbox.busy
+    assert end.conduit.send(b"small", b"")
+    return not (behind or outbox.busy)
+
+
 def test_forwarders_are_not_sent_what_others_tell(harness: ZenohConduitHarness) -> None:
     base, one, other = linked(harness, 3)
     base.conduit.send(RESET, b"")
@@ -64,7 +73,9 @@ def test_forwarders_are_not_sent_what_others_tell(harness: ZenohConduitHarness) 
         wait_for(lambda size=size: base.heard((CONTENT, bytes(size))))  # type: ignore[misc]
     base.conduit.send(RESET, b"again")
     wait_for(lambda: one.heard((RESET, b"again")))
-    assert len(one.sink.frames) == known + 1
+    # What was said to both before may have been on its way.
+    heard = [frame for frame in one.sink.frames[known:] if frame != (CONTENT, b"before")]
+    assert heard == [(RESET, b"again")]
 
 
 def test_a_forwarder_that_asks_too_hears_what_others_tell(harness: ZenohConduitHarness) -> None:
@@ -113,9 +124,7 @@ def test_a_large_frame_does_not_wait_in_the_thread_of_who_sends_it(
         assert one.conduit.send(b"%d" % number, payload)
     assert outbox._thread is not None
     wait_for(lambda: len(other.sink.frames) == 3)
-    wait_for(lambda: not outbox.busy)
-    assert one.conduit.send(b"small", b"")
-    assert not outbox.busy
+    wait_for(lambda: goes_by_itself(one))
 
 
 def test_behind_a_slow_frame_the_others_wait_in_the_outbox_in_order(
@@ -131,8 +140,7 @@ def test_behind_a_slow_frame_the_others_wait_in_the_outbox_in_order(
     assert other.sink.frames == [(b"%d" % number, b"") for number in range(20)]
     assert outbox.busy
     monkeypatch.undo()
-    one.conduit.send(b"swift", b"")
-    wait_for(lambda: not outbox.busy)
+    wait_for(lambda: goes_by_itself(one))
 
 
 def test_a_sink_that_raises_is_logged_and_hears_the_next_one(
@@ -156,7 +164,10 @@ def test_a_sink_that_raises_is_logged_and_hears_the_next_one(
     assert {record.getMessage() for record in caplog.records} == {"the sink raised"}
 
 
-def test_a_place_where_it_cannot_listen_is_the_callers_mistake() -> None:
+def test_a_place_where_it_cannot_listen_is_the_callers_mistake(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("beacon_zenoh.session._FIRST_ATTEMPT_S", 30.0)
     taken = RelayOptions(listen=("tcp/192.0.2.1:7447",))
     with pytest.raises(ConfigError, match="listen"):
         End(ZenohConduit(taken)).start()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import attrs
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from beacon_zenoh.rmw.graph import Graph
@@ -107,6 +107,7 @@ def test_a_flood_of_tokens_is_counted_and_ignored() -> None:
     assert (len(graph), graph.refused) == (2, 2)
 
 
+@settings(deadline=None)
 @given(st.lists(st.tuples(st.sampled_from(KEYS), st.booleans()), max_size=30))
 def test_it_is_the_set_of_the_tokens_that_came_last_rather_than_went(
     reports: list[tuple[str, bool]],

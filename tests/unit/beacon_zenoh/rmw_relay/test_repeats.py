@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from beacon_zenoh.rmw_relay import repeats
@@ -14,6 +14,7 @@ from beacon_zenoh.rmw_relay.repeats import Numbers, Stamps
 ONE, TWO = b"1" * 16, b"2" * 16
 
 
+@settings(deadline=None)
 @given(st.lists(st.integers(1, 1000)))
 def test_each_number_is_new_once_in_whatever_order(numbers: Sequence[int]) -> None:
     known, before = Numbers(), set[int]()

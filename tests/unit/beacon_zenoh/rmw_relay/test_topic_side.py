@@ -81,7 +81,10 @@ def test_it_begins_once(robot: RmwTopicSideHarness, started: Started) -> None:
         side.start(watching)
 
 
-def test_where_it_cannot_listen_it_says_so(robot: RmwTopicSideHarness) -> None:
+def test_where_it_cannot_listen_it_says_so(
+    robot: RmwTopicSideHarness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("beacon_zenoh.session._FIRST_ATTEMPT_S", 30.0)
     side = RmwTopicSide(RmwNetworkOptions(mode="router", listen=(robot.endpoint,)))
     with pytest.raises(ConfigError, match="cannot listen"):
         side.start(Watching())

@@ -101,7 +101,10 @@ def test_a_relays_messages_are_known_by_their_publishers_node(it: Fixture) -> No
     assert it.topics.mark(theirs) == (5, 2), "its last messages may come after it has gone"
 
 
-def test_a_message_that_comes_before_its_publishers_token_waits_for_it(it: Fixture) -> None:
+def test_a_message_that_comes_before_its_publishers_token_waits_for_it(
+    it: Fixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "_NAMED_WITHIN_S", 10.0)
     relays = member(node=f"_beacon_{role((5, 2))}_abc")
     later = threading.Timer(0.02, lambda: it.come(relays))
     later.start()
@@ -113,7 +116,7 @@ def test_who_has_no_token_is_waited_for_once_and_a_flood_of_them_not_at_all(it: 
     began = time.monotonic()
     for number in range(1000):
         assert it.topics.mark(b"%16d" % number) == (0, 0)
-    assert time.monotonic() - began < 0.9
+    assert time.monotonic() - began < 50  # to wait for each would take 100 s
 
 
 def test_so_many_are_remembered_and_no_more(it: Fixture, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from beacon_core.relay.alarms import Alarms
@@ -52,6 +52,7 @@ def test_it_says_when_the_next_time_may_be_another_one() -> None:
     assert changed()
 
 
+@settings(deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 3), st.none() | st.integers(0, 9)), max_size=300))
 def test_it_is_a_table_sorted_by_time(steps: list[tuple[int, int | None]]) -> None:
     alarms: Alarms[int] = Alarms()

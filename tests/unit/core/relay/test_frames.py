@@ -4,7 +4,7 @@ import struct
 
 import attrs
 import pytest
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from beacon_core.relay import frames
@@ -82,11 +82,13 @@ resets = st.builds(
 anything = st.one_of(contents, adverts(), digests(), resets)
 
 
+@settings(deadline=None)
 @given(anything)
 def test_what_is_written_is_read(frame: Frame) -> None:
     assert decode(*encode(frame)) == frame
 
 
+@settings(deadline=None)
 @given(contents)
 def test_the_header_of_a_content_is_48_bytes_and_its_payload_is_not_copied(one: Content) -> None:
     header, payload = encode(one)
@@ -97,12 +99,14 @@ def test_the_header_of_a_content_is_48_bytes_and_its_payload_is_not_copied(one: 
     assert read.payload is payload
 
 
+@settings(deadline=None)
 @given(st.binary(max_size=200), st.binary(max_size=9))
 @example(b"", b"")
 def test_any_bytes_are_a_frame_or_malformed(header: bytes, payload: bytes) -> None:
     assert isinstance(decode(header, payload), Frame | Malformed)
 
 
+@settings(deadline=None)
 @given(anything, st.integers(0, 400), st.integers(0, 255), st.booleans())
 def test_a_spoilt_frame_is_a_frame_or_malformed(
     frame: Frame,

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from beacon_core.errors import ConfigError
@@ -145,6 +145,7 @@ def rules(draw: st.DrawFn) -> Rule:
 MAPS = st.lists(rules(), min_size=1, max_size=3).map(lambda some: NameMap(tuple(some)))
 
 
+@settings(deadline=None)
 @given(ab=MAPS, ba=MAPS, bc=MAPS, ca=MAPS)
 def test_where_no_loop_is_found_no_name_passes_a_rule_twice(
     ab: NameMap, ba: NameMap, bc: NameMap, ca: NameMap

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from beacon_core.relay.pace import Pace
@@ -19,6 +19,7 @@ def test_what_is_spent_is_paid_for_before_more_may_pass() -> None:
     assert pace.free_ns == 9 * S
 
 
+@settings(deadline=None)
 @given(
     st.floats(0.01, 1e9),
     st.integers(0, S),
