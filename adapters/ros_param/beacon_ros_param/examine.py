@@ -25,6 +25,7 @@ _ANSWER_S = 4.0
 """Where ``timeout_s`` is longer, an examination does not wait as long as a source would."""
 
 _POLL_S = 0.02
+_AGAIN_S = 1.0
 _STOP_S = 1.0
 
 _MAX_ASKED = 500
@@ -92,18 +93,25 @@ def _ask(node: Node, names: list[str], within_s: float) -> dict[str, Declared | 
 def _call(
     clients: Mapping[str, Any], requests: Mapping[str, Any], within_s: float
 ) -> dict[str, Any]:
-    """All at once; the answers of those who answer in time."""
-    deadline = time.monotonic() + within_s
-    unsent, sent = dict(requests), dict[str, Any]()
-    while time.monotonic() < deadline and (unsent or not all(one.done() for one in sent.values())):
-        # What is sent before both ends have found each other is never answered.
-        for name in [name for name in unsent if clients[name].service_is_ready()]:
-            sent[name] = clients[name].call_async(unsent.pop(name))
+    """All at once, and each again that stays silent; the answers of those who answer in time."""
+    began = time.monotonic()
+    due_s = dict.fromkeys(requests, began)
+    sent = {name: list[Any]() for name in requests}
+    answers: dict[str, Any] = {}
+    while (now := time.monotonic()) < began + within_s and len(answers) < len(requests):
+        for name in requests.keys() - answers.keys():
+            for future in sent[name]:
+                if future.done():
+                    answers[name] = future.result()
+            # A node that has not found our reader yet drops its answer.
+            if now >= due_s[name] and clients[name].service_is_ready():
+                sent[name].append(clients[name].call_async(requests[name]))
+                due_s[name] = now + _AGAIN_S
         time.sleep(_POLL_S)
-    answered = {name: future.result() for name, future in sent.items() if future.done()}
-    for name in sent.keys() - answered.keys():
-        clients[name].remove_pending_request(sent[name])
-    return answered
+    for name, futures in sent.items():
+        for future in futures:
+            clients[name].remove_pending_request(future)
+    return answers
 
 
 def _ours(answer: Any) -> list[str]:
