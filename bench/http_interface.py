@@ -175,7 +175,10 @@ def serve(name: str, path: str, answer: bytes, pipe: Connection) -> None:
 
 
 def serve_bare(app: Starlette, pipe: Connection) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as bound:
+    # Without TCP named, as by create_server, asyncio leaves the delay of sending on.
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP) as bound:
+        bound.bind(("127.0.0.1", 0))
+        bound.listen()
         pipe.send(bound.getsockname()[1])
         config = uvicorn.Config(app, log_config=None, access_log=False, lifespan="off", ws="none")
         uvicorn.Server(config).run(sockets=[bound])
