@@ -283,23 +283,25 @@ def test_files_that_are_no_certificate_and_key_are_one_sentence(tmp_path: Path) 
 # clients that do not end what they begin
 
 
-@pytest.mark.parametrize("begun", [b"", b"GET / HTTP/1.1\r\nHost: x\r\nX: "])
+@pytest.mark.parametrize("begun", [b"", b"\r\n", b"GET / HTTP/1.1\r\nHost: x\r\nX: "])
 def test_a_head_that_does_not_come_is_not_waited_for(
     monkeypatch: pytest.MonkeyPatch, begun: bytes
 ) -> None:
-    monkeypatch.setattr(guard, "HEAD_WITHIN_S", 0.2)
+    monkeypatch.setattr(guard, "HEAD_WITHIN_S", 0.5)
     with served() as server, connect(server) as client:
         client.sendall(begun)
         assert everything(client).startswith(b"HTTP/1.1 408 ")
 
 
 def test_neither_is_a_second_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(guard, "HEAD_WITHIN_S", 0.2)
+    monkeypatch.setattr(guard, "HEAD_WITHIN_S", 0.5)
     with served() as server, connect(server) as client:
         client.sendall(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
         answer = b""
         while b"hello" not in answer:  # head and body may come one after the other
-            answer += client.recv(65536)
+            piece = client.recv(65536)
+            assert piece, answer
+            answer += piece
         client.sendall(b"GET / HTT")
         assert everything(client).startswith(b"HTTP/1.1 408 ")
 
@@ -325,7 +327,7 @@ def test_a_head_without_end_is_cut_off(way: str) -> None:
         except ConnectionError:
             pass
         assert sent < 9_000_000
-        assert not said or said.split()[1] in (b"400", b"431")
+        assert not said or said.split()[1] == b"431"
 
 
 @pytest.mark.parametrize(
