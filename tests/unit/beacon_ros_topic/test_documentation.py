@@ -71,7 +71,7 @@ def test_its_announcer_speaks_for_many_until_it_is_closed(
     listener = Listener(harness).start()
     program = start_script(blocks("python")[1])
     eventually(lambda: listener.has("engine"))
-    assert not listener.has("brake")
+    eventually(lambda: not listener.has("brake"))
     assert program.stdin is not None
     program.stdin.write("\n")
     assert end(program) == (0, "", "")
