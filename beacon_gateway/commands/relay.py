@@ -18,7 +18,7 @@ from beacon_gateway.console.client import GatewayClient, Unreachable
 from beacon_gateway.console.exits import Exit, Fault
 from beacon_gateway.console.flags import seconds
 from beacon_gateway.console.logs import set_up_logging
-from beacon_gateway.console.process import keep_memory_together
+from beacon_gateway.console.process import end_watched, keep_memory_together
 from beacon_gateway.console.relay_steps import step_line
 from beacon_gateway.console.relay_table import explanation, relay_view
 from beacon_gateway.console.signals import on_stop_signal
@@ -80,9 +80,14 @@ def _run(arguments: argparse.Namespace) -> int:
     keep_memory_together()
     relay = Relay(config, trace=arguments.trace)
     try:
-        with closing(HttpServer(config.http.host, config.http.port)) as server, closing(relay):
+        with (
+            end_watched() as end_begins,
+            closing(HttpServer(config.http.host, config.http.port)) as server,
+            closing(relay),
+        ):
             relay.start()
             _serve(relay, server, as_json=arguments.json)
+            end_begins()
     except ConfigError:
         raise
     except BeaconError as error:

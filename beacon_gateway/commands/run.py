@@ -18,6 +18,7 @@ from beacon_gateway.console.exits import Exit, Fault
 from beacon_gateway.console.flags import port
 from beacon_gateway.console.logs import set_up_logging
 from beacon_gateway.console.process import (
+    end_watched,
     keep_answers_prompt,
     keep_memory_together,
     memory_given_back,
@@ -70,7 +71,12 @@ def run(arguments: argparse.Namespace) -> int:
     for correction in loaded.corrections:
         _log.warning("%s", correction)
     access = Access(config.http)
-    with opened(config) as (server, gateway), on_stop_signal(server.stop), memory_given_back():
+    with (
+        end_watched() as end_begins,
+        opened(config) as (server, gateway),
+        on_stop_signal(server.stop),
+        memory_given_back(),
+    ):
         _log.info("serving %s", server.url)
         if arguments.json:
             write_json({"url": server.url}, indent=None)
@@ -85,6 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
                 at_stop=gateway.stopping.set,
                 max_connections=connections,
             )
+        end_begins()
     _log.info("stopped")
     return Exit.OK
 

@@ -1,18 +1,20 @@
-"""How this process shares its time, so that nobody who asks waits for what others do meanwhile.
+"""How this process shares its time, so that nobody who asks waits for what others do meanwhile; and
+that it ends when it is told to.
 
-The settings are the whole process's, so only ``beacon run``, whose process it is, makes them.
+The settings are the whole process's, so only commands whose process it is make them.
 """
 
 from __future__ import annotations
 
 import ctypes
+import faulthandler
 import gc
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-__all__ = ["keep_answers_prompt", "keep_memory_together", "memory_given_back"]
+__all__ = ["end_watched", "keep_answers_prompt", "keep_memory_together", "memory_given_back"]
 
 _SWITCH_S = 0.0005
 """How long a thread may go on while another one waits for Python's lock. By itself Python waits
@@ -65,6 +67,31 @@ def memory_given_back(each_s: float = _TRIM_EACH_S) -> Iterator[None]:
     finally:
         ended.set()
         thread.join()
+
+
+_END_WITHIN_S = 15.0
+"""Three times what a gateway takes whose adapters and clients all use up their time."""
+
+_STDERR = 2
+
+
+@contextmanager
+def end_watched(within_s: float = _END_WITHIN_S) -> Iterator[Callable[[], None]]:
+    """Gives what is to be called when the end begins: it must be over so many seconds later.
+
+    If it is not, where each thread is goes to stderr, and the process ends with 1. A library that
+    stands still while it holds Python's lock, as Fast DDS now and then does when a participant
+    ends (its issue 6502), can be ended by nothing in Python; faulthandler's thread is none of
+    Python's.
+    """
+
+    def begins() -> None:
+        faulthandler.dump_traceback_later(within_s, exit=True, file=_STDERR)
+
+    try:
+        yield begins
+    finally:
+        faulthandler.cancel_dump_traceback_later()
 
 
 def keep_answers_prompt() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import queue
+import subprocess
 import sys
 import threading
 from collections.abc import Iterator
@@ -60,3 +61,31 @@ def test_what_is_free_is_given_back_until_the_end(monkeypatch: pytest.MonkeyPatc
     given = asked.qsize()
     assert not [one for one in threading.enumerate() if one.name == "beacon-trim"]
     assert asked.qsize() == given
+
+
+ENDING = """
+import ctypes, sys, time
+from beacon_gateway.console.process import end_watched
+with end_watched(0.2) as begins:
+    begins()
+    {meanwhile}
+time.sleep(0.5)
+"""
+
+
+def ended(meanwhile: str) -> tuple[int, str]:
+    """The exit code and stderr of a process that does this while it ends."""
+    script = ENDING.format(meanwhile=meanwhile)
+    command = [sys.executable, "-c", script]
+    process = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
+    return process.returncode, process.stderr
+
+
+def test_who_cannot_end_says_where_it_is_and_is_ended() -> None:
+    code, said = ended("ctypes.PyDLL(None).sleep(60)  # with Python's lock")
+    assert code == 1
+    assert 'File "<string>", line 6' in said
+
+
+def test_who_ends_in_time_is_left_alone() -> None:
+    assert ended("pass") == (0, "")
